@@ -1,0 +1,195 @@
+//! [`Document`]: what a scene file says, whole.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use bytes::Bytes;
+use serde_json::Value;
+
+use crate::{Contents, Error, ReadOptions, Warning};
+
+/// The kind of file a document was read from, or is written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Wavefront OBJ with MTL (read only).
+    Obj,
+    /// glTF 2.0 JSON with separate buffers.
+    Gltf,
+    /// glTF 2.0 in one binary file.
+    Glb,
+}
+
+/// A whole scene file: the glTF 2.0 JSON tree and the bytes of its buffers.
+#[derive(Clone, Debug)]
+pub struct Document {
+    /// The glTF root object; properties in file order.
+    pub json: Value,
+    /// The bytes of `json.buffers[i]`, at least `byteLength` long.
+    pub buffers: Vec<Bytes>,
+    /// The file the document was read from.
+    pub path: PathBuf,
+    /// The kind of that file.
+    pub kind: Kind,
+    /// What the reader mended or left out.
+    pub warnings: Vec<Warning>,
+}
+
+/// Component type of an accessor, with glTF's own numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum Component {
+    /// 8-bit signed.
+    I8 = 5120,
+    /// 8-bit unsigned.
+    U8 = 5121,
+    /// 16-bit signed.
+    I16 = 5122,
+    /// 16-bit unsigned.
+    U16 = 5123,
+    /// 32-bit unsigned.
+    U32 = 5125,
+    /// 32-bit float.
+    F32 = 5126,
+}
+
+impl Component {
+    /// Bytes of one component.
+    pub fn size(self) -> usize {
+        match self {
+            Component::I8 | Component::U8 => 1,
+            Component::I16 | Component::U16 => 2,
+            Component::U32 | Component::F32 => 4,
+        }
+    }
+}
+
+/// The type of one element of an accessor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Element {
+    /// Component type.
+    pub component: Component,
+    /// Components an element: 1 (SCALAR), 2, 3 or 4 (VECn). Matrices do not occur in vertex attributes.
+    pub components: usize,
+    /// Whether integers stand for the range 0..1 or -1..1.
+    pub normalized: bool,
+}
+
+impl Element {
+    /// Bytes of one tightly packed element.
+    pub fn size(self) -> usize {
+        self.component.size() * self.components
+    }
+}
+
+/// One vertex attribute of a primitive, readable at random: element `i` is
+/// `data[i * stride..][..element.size()]`. Sparse accessors are resolved.
+#[derive(Clone, Debug)]
+pub struct Attribute<'a> {
+    /// The attribute's semantic, such as `NORMAL` or `TEXCOORD_0`.
+    pub name: String,
+    /// The type of its elements.
+    pub element: Element,
+    /// Number of elements.
+    pub count: usize,
+    /// Bytes from one element to the next.
+    pub stride: usize,
+    /// The bytes, from the first element on.
+    pub data: Cow<'a, [u8]>,
+}
+
+/// What a buffer view is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// Vertex attributes (`ARRAY_BUFFER`).
+    Vertices,
+    /// Indices (`ELEMENT_ARRAY_BUFFER`).
+    Indices,
+    /// Data that no primitive refers to.
+    Other,
+}
+
+/// A new accessor and its bytes, see [`Document::push_accessor`].
+#[derive(Clone, Debug)]
+pub struct NewAccessor {
+    /// Tightly packed elements; vertex attributes whose element size is no multiple of 4 are padded on writing.
+    pub data: Vec<u8>,
+    /// Type of an element.
+    pub element: Element,
+    /// What the data is for.
+    pub target: Target,
+    /// Whether to write the `min` and `max` properties (required for POSITION).
+    pub bounds: bool,
+}
+
+/// What [`Document::compact`] removed, and why it left out the rest.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Compacted {
+    /// Meshes, accessors and buffer views removed.
+    pub meshes: usize,
+    /// See `meshes`.
+    pub accessors: usize,
+    /// See `meshes`.
+    pub buffer_views: usize,
+    /// The unknown extension that may refer to any of them, so that none could be renumbered.
+    pub held_by: Option<String>,
+}
+
+impl Document {
+    /// The checked, typed view of this document's default scene.
+    ///
+    /// # Errors
+    /// Names the first place at which the document breaks a rule of glTF 2.0 that the view relies on: indices out
+    /// of range, accessors past their buffers, node cycles, nodes with two parents, unknown required extensions;
+    /// with `options.strict` also non-finite positions.
+    pub fn contents(&self, options: ReadOptions) -> Result<Contents, Error> {
+        crate::gltf::contents::contents(self, options)
+    }
+
+    /// The vertex attributes of a primitive, in the order of the file. The document must have passed
+    /// [`Document::contents`].
+    pub fn attributes(&self, mesh: usize, primitive: usize) -> Vec<Attribute<'_>> {
+        crate::gltf::attributes::attributes(self, mesh, primitive)
+    }
+
+    /// The unsigned integers of a SCALAR accessor, if there is such an accessor and it is sound.
+    pub fn scalars(&self, accessor: usize) -> Option<Vec<u32>> {
+        crate::gltf::attributes::scalars(self, accessor)
+    }
+
+    /// Adds an accessor with a buffer view and a buffer of its own (writing joins all buffers); returns its index.
+    pub fn push_accessor(&mut self, new: NewAccessor) -> usize {
+        crate::gltf::edit::push_accessor(self, new)
+    }
+
+    /// Removes meshes no node refers to, then accessors and buffer views nothing refers to, and renumbers the
+    /// rest. Nodes, materials and everything else keep their index.
+    pub fn compact(&mut self) -> Compacted {
+        crate::gltf::edit::compact(self)
+    }
+
+    /// Writes the document as `.glb`, or `.gltf` with one `.bin` and its images, into a hidden folder beside
+    /// `out`; nothing appears under the final names before [`Staged::commit`].
+    ///
+    /// # Errors
+    /// Names the file that could not be written, or an extension of `out` that is neither `.glb` nor `.gltf`.
+    pub fn stage(&self, out: &Path) -> Result<Staged, Error> {
+        crate::gltf::write::stage(self, out)
+    }
+
+    /// Stages the input file byte for byte, with the files it refers to where `out` lies in another folder. Where
+    /// input and output differ in kind, this is [`Document::stage`].
+    ///
+    /// # Errors
+    /// As [`Document::stage`].
+    pub fn stage_unchanged(&self, out: &Path) -> Result<Staged, Error> {
+        crate::gltf::write::stage_unchanged(self, out)
+    }
+}
+
+/// Files written but not yet in place. Dropped without [`Staged::commit`], they vanish.
+#[derive(Debug)]
+pub struct Staged {
+    pub(crate) folder: tempfile::TempDir,
+    /// Files in `folder`, each with its final path; the scene file itself comes last.
+    pub(crate) files: Vec<(PathBuf, PathBuf)>,
+}

@@ -1,0 +1,124 @@
+//! Layouts: which triangles share a BLAS. One method a file, each a pure function `(&Scene, &Options) -> Layout`.
+
+mod bvh;
+mod keep;
+mod overlap;
+mod per_object;
+mod single;
+
+use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
+use glam::DAffine3;
+
+/// A whole assignment of a scene's triangles to mesh groups and instances.
+#[derive(Clone, Debug, Default)]
+pub struct Layout {
+    /// The mesh groups (BLASes).
+    pub groups: Vec<Group>,
+    /// Their placements (TLAS entries).
+    pub placements: Vec<Placement>,
+    /// What the method left out and why, in words, for the report.
+    pub notes: Vec<String>,
+}
+
+/// The triangles built into one BLAS.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// Name of the glTF mesh to be.
+    pub name: String,
+    /// What is in it.
+    pub content: Content,
+}
+
+/// What a group holds.
+#[derive(Clone, Debug)]
+pub enum Content {
+    /// A mesh of the input exactly as it is.
+    Kept(MeshId),
+    /// Some triangles of one input mesh, in the coordinates of that mesh, for any number of its instances. Only
+    /// the `triangle` of the references counts; their `instance` is the first that places the mesh.
+    Piece(MeshId, Vec<GroupGeometry>),
+    /// Triangles of any instances, placed: world coordinates, stored in a frame.
+    Baked {
+        /// World from group; each coefficient is exactly a 32-bit float.
+        frame: DAffine3,
+        /// One geometry for each material (and each vertex format within it).
+        geometries: Vec<GroupGeometry>,
+    },
+}
+
+/// The triangles of one geometry.
+#[derive(Clone, Debug, Default)]
+pub struct GroupGeometry {
+    /// Index into [`Scene::materials`].
+    pub material: Option<u32>,
+    /// As in [`crate::scene::Geometry::merge_class`].
+    pub merge_class: u32,
+    /// How rays pass through the material.
+    pub opacity: Opacity,
+    /// The triangles in the order in which they are written.
+    pub triangles: Vec<TriangleRef>,
+}
+
+/// One instance of a group.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// Index into [`Layout::groups`].
+    pub group: u32,
+    /// The input instance whose mesh (or a piece of it) this places; `None` for a baked group.
+    pub instance: Option<InstanceId>,
+    /// World from group.
+    pub transform: DAffine3,
+}
+
+/// The method that chooses a layout.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// The input as it is.
+    #[default]
+    Keep,
+    /// One group of all that is not pinned.
+    Single,
+    /// One group for each object and material.
+    PerObject,
+    /// Binned SAH on every object.
+    Bvh,
+    /// Overlap reduction by splitting and merging.
+    Overlap,
+}
+
+/// What a method may be told. Ratios run from 0 to 1 unless said otherwise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// `bvh`: tree nodes allowed over triangles of the scene (thesis: 1e-3).
+    pub nodes_per_triangle_ratio: f64,
+    /// `bvh`: a node whose box area over the scene's is smaller than this is not split.
+    pub min_area_ratio: f64,
+    /// `overlap`: pairs whose overlap area over the scene box's area is at most this are left alone (thesis: 0.005).
+    pub skip_overlap_ratio: f64,
+    /// `overlap`: pairs whose overlap over their union is below this are split, others merged (thesis: 0.5).
+    pub split_or_merge_ratio: f64,
+    /// `overlap`: below this ratio both objects are split at their middle, above it only at the overlap.
+    pub split_ratio: f64,
+    /// `overlap`: done when the overlap ratio of the scene falls below this.
+    pub termination_overlap_ratio: f64,
+    /// `bvh`, `overlap`: objects with at most this many triangles are not split (thesis: 8).
+    pub min_triangles: usize,
+    /// Predicted BLAS and TLAS bytes allowed over the input's; instances stay instanced beyond it. `None`: no limit.
+    pub max_bytes_ratio: Option<f64>,
+}
+
+/// Runs a method. The layout's triangles are in file order; [`order_by_tree`] sorts them.
+pub fn run(method: Method, scene: &Scene, options: &Options) -> Layout {
+    match method {
+        Method::Keep => keep::keep(scene, options),
+        Method::Single => single::single(scene, options),
+        Method::PerObject => per_object::per_object(scene, options),
+        Method::Bvh => bvh::bvh(scene, options),
+        Method::Overlap => overlap::overlap(scene, options),
+    }
+}
+
+/// Sorts the triangles of every group that is rewritten, and the placements of baked groups, in the order of a tree.
+pub fn order_by_tree(_scene: &Scene, _layout: &mut Layout) {
+    todo!()
+}

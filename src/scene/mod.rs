@@ -1,0 +1,191 @@
+//! [`Scene`]: what a ray tracer sees of a document.
+
+mod check;
+mod load;
+pub mod bounds;
+
+pub use bounds::Bounds;
+pub use load::{LoadOptions, load};
+
+use glam::{DAffine3, DVec3, Vec3};
+pub use raykiln_formats::contents::{Camera, Opacity, Source};
+
+/// Index into [`Scene::meshes`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct MeshId(pub u32);
+
+/// Index into [`Scene::instances`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct InstanceId(pub u32);
+
+/// Triangles placed by instances of mesh groups, as the default scene of a document shows them.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Mesh groups with at least one triangle that an instance of the default scene places.
+    pub meshes: Vec<Mesh>,
+    /// Their placements: the TLAS entries, in depth-first order of the node hierarchy.
+    pub instances: Vec<Instance>,
+    /// The document's materials.
+    pub materials: Vec<Material>,
+    /// The document's cameras where a node of the default scene places one, in that order.
+    pub cameras: Vec<PlacedCamera>,
+    /// Number of nodes in the document.
+    pub nodes: usize,
+}
+
+/// A mesh group of the input: the geometries of one BLAS.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Name in the file, or empty.
+    pub name: String,
+    /// Index in the document.
+    pub source: u32,
+    /// Its geometries, in file order; none is empty.
+    pub geometries: Vec<Geometry>,
+    /// Whether the document's mesh holds nothing but these geometries, with no triangle dropped.
+    pub whole: bool,
+}
+
+/// Triangles with one material, in the coordinates of their mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry {
+    /// Index of the primitive in the document's mesh.
+    pub primitive: u32,
+    /// Index into [`Scene::materials`]; `None` is glTF's default material.
+    pub material: Option<u32>,
+    /// How rays pass through the material.
+    pub opacity: Opacity,
+    /// Geometries with equal material and equal `merge_class` may be joined into one.
+    pub merge_class: u32,
+    /// Index of its first triangle when the triangles of the mesh are counted through.
+    pub first_triangle: u32,
+    /// Vertex positions, all referenced ones finite.
+    pub positions: Vec<Vec3>,
+    /// Vertices of each triangle, counter-clockwise from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// For each triangle its index in the document's primitive; `None` where they are equal.
+    pub kept: Option<Vec<u32>>,
+    /// For each triangle the input triangle it was made from, where the document is a bake's output.
+    pub provenance: Option<raykiln_formats::contents::Provenance>,
+}
+
+/// One TLAS entry: a mesh and an affine transform.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// Name of the node, or empty.
+    pub name: String,
+    /// Node of the document.
+    pub node: u32,
+    /// Copy within the node (`EXT_mesh_gpu_instancing`), else 0.
+    pub copy: u32,
+    /// What is placed.
+    pub mesh: MeshId,
+    /// World from mesh, finite.
+    pub transform: DAffine3,
+    /// Why the instance must stay as it is; `None` if it need not.
+    pub pinned: Option<Pinned>,
+}
+
+/// Why an instance must not be restructured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Pinned {
+    /// An animation moves its node or an ancestor.
+    Animated,
+    /// Its node has a skin.
+    Skinned,
+    /// Its mesh has morph targets.
+    Morphed,
+    /// A `--keep` pattern of the user matches its node, an ancestor or its mesh.
+    Protected,
+    /// Another scene of the file shows its node too.
+    OtherScene,
+    /// Its node or an ancestor has an extension whose meaning is unknown.
+    UnknownExtension,
+    /// Its transform is singular, so that no ray can enter it.
+    Singular,
+    /// Writing its triangles out would exceed the largest position error allowed.
+    Precision,
+}
+
+/// A material, as far as tracing goes.
+pub type Material = raykiln_formats::contents::Material;
+
+/// A camera and where it stands.
+#[derive(Clone, Debug)]
+pub struct PlacedCamera {
+    /// Name of its node, or empty.
+    pub name: String,
+    /// The camera.
+    pub camera: Camera,
+    /// World from camera.
+    pub transform: DAffine3,
+}
+
+/// A triangle as an instance places it: `triangle` counts through all geometries of the instance's mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct TriangleRef {
+    /// Index into [`Scene::instances`].
+    pub instance: u32,
+    /// Triangle of the instance's mesh.
+    pub triangle: u32,
+}
+
+impl Mesh {
+    /// Triangles in all geometries.
+    pub fn triangle_count(&self) -> usize {
+        self.geometries.iter().map(|g| g.triangles.len()).sum()
+    }
+
+    /// The geometry that holds triangle `triangle` of the mesh, and the triangle's index in it.
+    pub fn locate(&self, triangle: u32) -> (usize, usize) {
+        let g = self.geometries.partition_point(|g| g.first_triangle <= triangle) - 1;
+        (g, (triangle - self.geometries[g].first_triangle) as usize)
+    }
+
+    /// Corners of a triangle in mesh coordinates, as stored.
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        let (g, t) = self.locate(triangle);
+        self.geometries[g].corners(t)
+    }
+}
+
+impl Geometry {
+    /// Corners of a triangle in mesh coordinates, as stored.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+}
+
+impl Scene {
+    /// The mesh an instance places.
+    pub fn mesh_of(&self, instance: InstanceId) -> &Mesh {
+        &self.meshes[self.instances[instance.0 as usize].mesh.0 as usize]
+    }
+
+    /// Corners of a placed triangle in world coordinates, in double precision. Of a mirrored instance the second
+    /// and third corner are exchanged, so that the order stays counter-clockwise from the front.
+    pub fn world_corners(&self, at: TriangleRef) -> [DVec3; 3] {
+        let instance = &self.instances[at.instance as usize];
+        let [a, b, c] = self.mesh_of(InstanceId(at.instance)).corners(at.triangle);
+        let [a, b, c] = [a, b, c].map(|p| instance.transform.transform_point3(p.as_dvec3()));
+        if instance.mirrored() { [a, c, b] } else { [a, b, c] }
+    }
+
+    /// Triangles stored: each mesh counted once.
+    pub fn triangles_stored(&self) -> u64 {
+        self.meshes.iter().map(|m| m.triangle_count() as u64).sum()
+    }
+
+    /// Triangles placed: each instance counted.
+    pub fn triangles_placed(&self) -> u64 {
+        self.instances.iter().map(|i| self.meshes[i.mesh.0 as usize].triangle_count() as u64).sum()
+    }
+}
+
+impl Instance {
+    /// Whether the transform turns left hands into right hands.
+    pub fn mirrored(&self) -> bool {
+        self.transform.matrix3.determinant() < 0.0
+    }
+}
