@@ -1,5 +1,7 @@
 //! Trees over triangles and instances, and what they cost.
 
+pub mod bytes;
+pub mod overlap;
 pub mod tree;
 
 use crate::layout::Layout;

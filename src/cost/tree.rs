@@ -7,8 +7,9 @@
 
 use std::time::Duration;
 
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 
@@ -65,32 +66,12 @@ impl Boundable for Boxed {
 
 impl Tree {
     /// Builds a tree over finite, non-empty boxes; item `i` is `boxes[i]`.
+    ///
+    /// Departs from the papers where many boxes share one Morton cell (equal triangles, or a far outlier that
+    /// squeezes the rest of the scene into a few cells): clustering such boxes takes quadratic time, so that they
+    /// enter the tree as one item and become a tree of their own, scaled to their own extent.
     pub fn build(boxes: &[Bounds], quality: Quality) -> Tree {
-        if boxes.is_empty() {
-            return Tree::default();
-        }
-        let params = match quality {
-            Quality::Fast => BvhBuildParams::very_fast_build(),
-            Quality::Medium => BvhBuildParams::medium_build(),
-        };
-        let bvh = build_bvh2(&in_unit_cube(boxes), params, &mut Duration::default());
-        let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(boxes.len()) };
-        tree.nodes.push(Node { first: 0, count: 0 });
-        let mut stack = vec![(0, 0)];
-        while let Some((from, to)) = stack.pop() {
-            let node = &bvh.nodes[from];
-            let first = node.first_index as usize;
-            if node.prim_count > 0 {
-                tree.nodes[to] = Node { first: tree.order.len() as u32, count: node.prim_count };
-                tree.order.extend_from_slice(&bvh.primitive_indices[first..first + node.prim_count as usize]);
-            } else {
-                let child = tree.nodes.len();
-                tree.nodes[to] = Node { first: child as u32, count: 0 };
-                tree.nodes.extend([Node { first: 0, count: 0 }; 2]);
-                stack.extend([(first + 1, child + 1), (first, child)]);
-            }
-        }
-        tree
+        build_over(boxes, (0..boxes.len() as u32).collect(), quality)
     }
 
     /// Computes a value for every node from the bottom up, such as its box: `leaf` from the items of a leaf (in
@@ -111,27 +92,192 @@ impl Tree {
         reversed
     }
 
+    /// Gives a node two children and returns the first.
+    fn split(&mut self, at: usize) -> usize {
+        let child = self.nodes.len();
+        self.nodes[at] = Node { first: child as u32, count: 0 };
+        self.nodes.extend([Node { first: 0, count: 0 }; 2]);
+        child
+    }
+
+    /// Makes a node the leaf of the items that come next in tree order.
+    fn fill(&mut self, at: usize, items: Vec<u32>) {
+        self.nodes[at] = Node { first: self.order.len() as u32, count: items.len() as u32 };
+        self.order.extend(items);
+    }
+
     /// The largest number of nodes on a way from the root to a leaf; 0 for an empty tree.
     pub fn depth(&self) -> usize {
         self.refit(|_| 1, |a: &usize, b| 1 + a.max(b)).first().copied().unwrap_or(0)
     }
 }
 
+/// More boxes than this in one Morton cell are clustered apart.
+const CROWD: usize = 64;
+/// Items of a leaf among equal boxes.
+const EQUAL_LEAF: usize = 4;
+
+/// What a tree is built over: a box, or many boxes with a tree of their own.
+enum Item {
+    One(u32),
+    Crowd(Tree),
+}
+
+/// A part of a tree still to be written out.
+enum Part<'a> {
+    Clustered(&'a Bvh2, usize),
+    Listed(&'a [u32]),
+    Crowd(&'a Tree, usize),
+}
+
+/// The tree over some of the boxes.
+fn build_over(boxes: &[Bounds], members: Vec<u32>, quality: Quality) -> Tree {
+    let bounds_of = |members: &[u32]| members.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+    let all = bounds_of(&members);
+    let (mut items, crowds) = crowded_cells(boxes, &members);
+    if let [crowd] = crowds.as_slice()
+        && crowd.len() == members.len()
+    {
+        return halved(members);
+    }
+    let mut item_bounds: Vec<Bounds> = items.iter().map(|&i| boxes[i as usize]).collect();
+    item_bounds.extend(crowds.iter().map(|c| bounds_of(c)));
+    let mut wrapped: Vec<Item> = items.drain(..).map(Item::One).collect();
+    wrapped.extend(crowds.into_iter().map(|c| Item::Crowd(build_over(boxes, c, quality))));
+    cluster(&wrapped, &item_bounds, &all, quality)
+}
+
+/// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
+/// in the order of the members. Cells are those of the members' centroids, so that all members are one crowd only
+/// if their centroids are equal.
+fn crowded_cells(boxes: &[Bounds], members: &[u32]) -> (Vec<u32>, Vec<Vec<u32>>) {
+    let centroids = Bounds::of(members.iter().map(|&i| boxes[i as usize].center()));
+    let cells_per_unit = 1.0 / centroids.size().max_element() * f64::from(1 << 20);
+    let cell = |i: u32| -> [u32; 3] {
+        let offset = boxes[i as usize].center() - centroids.min;
+        let scaled = if cells_per_unit.is_finite() { offset * cells_per_unit } else { DVec3::ZERO };
+        [scaled.x as u32, scaled.y as u32, scaled.z as u32]
+    };
+    let mut cells: Vec<([u32; 3], u32)> = members.iter().enumerate().map(|(at, &i)| (cell(i), at as u32)).collect();
+    cells.sort_unstable();
+    let mut crowds: Vec<Vec<u32>> = Vec::new();
+    let mut loners: Vec<u32> = Vec::with_capacity(members.len());
+    for chunk in cells.chunk_by(|a, b| a.0 == b.0) {
+        if chunk.len() > CROWD {
+            crowds.push(chunk.iter().map(|c| members[c.1 as usize]).collect());
+        } else {
+            loners.extend(chunk.iter().map(|c| c.1));
+        }
+    }
+    loners.sort_unstable();
+    (loners.into_iter().map(|at| members[at as usize]).collect(), crowds)
+}
+
+/// A balanced tree over boxes that cannot be told apart.
+fn halved(members: Vec<u32>) -> Tree {
+    let mut tree = Tree { nodes: vec![Node { first: 0, count: 0 }], order: Vec::new() };
+    let mut stack = vec![(0..members.len(), 0)];
+    while let Some((range, to)) = stack.pop() {
+        if range.len() <= EQUAL_LEAF {
+            tree.nodes[to] = Node { first: range.start as u32, count: range.len() as u32 };
+        } else {
+            let middle = range.start + range.len() / 2;
+            let child = tree.split(to);
+            stack.extend([(middle..range.end, child + 1), (range.start..middle, child)]);
+        }
+    }
+    tree.order = members;
+    tree
+}
+
+/// The tree of locally ordered clustering, with the trees of crowds grafted in.
+fn cluster(items: &[Item], bounds: &[Bounds], all: &Bounds, quality: Quality) -> Tree {
+    let params = match quality {
+        Quality::Fast => BvhBuildParams::very_fast_build(),
+        Quality::Medium => BvhBuildParams::medium_build(),
+    };
+    let bvh = build_bvh2(&in_unit_cube(bounds, all), params, &mut Duration::default());
+    let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.len()) };
+    if bvh.nodes.is_empty() {
+        return tree;
+    }
+    tree.nodes.push(Node { first: 0, count: 0 });
+    let mut stack = vec![(Part::Clustered(&bvh, 0), 0)];
+    while let Some((part, to)) = stack.pop() {
+        match part.open(items) {
+            Opened::Leaf(members) => tree.fill(to, members),
+            Opened::Inner(left, right) => {
+                let child = tree.split(to);
+                stack.extend([(right, child + 1), (left, child)]);
+            }
+        }
+    }
+    tree
+}
+
+/// What a [`Part`] consists of.
+enum Opened<'a> {
+    Leaf(Vec<u32>),
+    Inner(Part<'a>, Part<'a>),
+}
+
+impl<'a> Part<'a> {
+    fn open(self, items: &'a [Item]) -> Opened<'a> {
+        match self {
+            Part::Clustered(bvh, at) => {
+                let node = &bvh.nodes[at];
+                let first = node.first_index as usize;
+                match node.prim_count as usize {
+                    0 => Opened::Inner(Part::Clustered(bvh, first), Part::Clustered(bvh, first + 1)),
+                    count => Part::Listed(&bvh.primitive_indices[first..first + count]).open(items),
+                }
+            }
+            Part::Listed(list) => match (list, list.first().map(|&i| &items[i as usize])) {
+                ([_], Some(Item::Crowd(tree))) => Part::Crowd(tree, 0).open(items),
+                _ => match singles(list, items) {
+                    Some(members) => Opened::Leaf(members),
+                    None => {
+                        let (left, right) = list.split_at(list.len() / 2);
+                        Opened::Inner(Part::Listed(left), Part::Listed(right))
+                    }
+                },
+            },
+            Part::Crowd(tree, at) => {
+                let node = tree.nodes[at];
+                if node.is_leaf() {
+                    Opened::Leaf(tree.order[node.items()].to_vec())
+                } else {
+                    Opened::Inner(Part::Crowd(tree, node.first as usize), Part::Crowd(tree, node.first as usize + 1))
+                }
+            }
+        }
+    }
+}
+
+/// The boxes of listed items, unless one of them is a crowd.
+fn singles(list: &[u32], items: &[Item]) -> Option<Vec<u32>> {
+    list.iter()
+        .map(|&i| match items[i as usize] {
+            Item::One(member) => Some(member),
+            Item::Crowd(_) => None,
+        })
+        .collect()
+}
+
 /// The boxes moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
 /// builder's single precision.
-fn in_unit_cube(boxes: &[Bounds]) -> Vec<Boxed> {
-    let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+fn in_unit_cube(boxes: &[Bounds], all: &Bounds) -> Vec<Boxed> {
     let center = all.center();
     let extent = all.size().max_element();
     let scale = if extent > 0.0 { 1.0 / extent } else { 0.0 };
-    let point = |p: glam::DVec3| Vec3A::from((scale * (p - center)).as_vec3());
+    let point = |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
     boxes.iter().map(|b| Boxed(Aabb::new(point(b.min), point(b.max)))).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DVec3, dvec3};
+    use glam::dvec3;
 
     fn unit_boxes(at: impl IntoIterator<Item = DVec3>) -> Vec<Bounds> {
         at.into_iter().map(|min| Bounds { min, max: min + DVec3::ONE }).collect()
@@ -189,13 +335,24 @@ mod tests {
     }
 
     #[test]
+    fn a_far_outlier_does_not_make_the_rest_one_crowd() {
+        let mut boxes = unit_boxes((0..50_000).map(|i| dvec3((i % 256) as f64, (i / 256) as f64, 0.0)));
+        boxes.push(Bounds { min: DVec3::splat(1e12), max: DVec3::splat(1e12 + 1.0) });
+        let tree = Tree::build(&boxes, Quality::Medium);
+        assert_each_item_once(&tree, boxes.len());
+        assert!(tree.depth() < 96, "depth {}", tree.depth());
+        let areas = tree
+            .refit(|items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])), |a, b| a.union(b));
+        let small = areas.iter().filter(|b| b.size().max_element() < 16.0).count();
+        assert!(small > 20_000, "only {small} small nodes");
+    }
+
+    #[test]
     fn refit_bounds_every_item() {
         let boxes = unit_boxes((0..500).map(|i| dvec3((i % 23) as f64, (i % 17) as f64, (i % 5) as f64)));
         let tree = Tree::build(&boxes, Quality::Medium);
-        let bounds = tree.refit(
-            |items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])),
-            |a, b| a.union(b),
-        );
+        let bounds = tree
+            .refit(|items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])), |a, b| a.union(b));
         assert_eq!(bounds[0], boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b)));
     }
 }

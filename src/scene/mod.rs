@@ -1,8 +1,8 @@
 //! [`Scene`]: what a ray tracer sees of a document.
 
+pub mod bounds;
 mod check;
 mod load;
-pub mod bounds;
 
 pub use bounds::Bounds;
 pub use load::{LoadOptions, load};

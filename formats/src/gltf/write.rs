@@ -1,6 +1,6 @@
 //! From [`Document`] to files, staged.
-use crate::document::{Document, Staged};
 use crate::Error;
+use crate::document::{Document, Staged};
 use std::path::Path;
 
 pub(crate) fn stage(_doc: &Document, _out: &Path) -> Result<Staged, Error> {
