@@ -8,6 +8,7 @@
 pub mod bake;
 pub mod cli;
 pub mod cost;
+pub mod emit;
 pub mod layout;
 pub mod report;
 pub mod scene;

@@ -1,1 +1,1 @@
-//! From a layout to a document.
+//! The pipeline of a bake.
