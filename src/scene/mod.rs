@@ -196,6 +196,15 @@ impl Scene {
         boxes.fold(Bounds::EMPTY, |all, b| all.union(&b))
     }
 
+    /// Pins instances, and the other copies of their nodes: one list of transforms serves all copies of a node, so
+    /// that they stay or go together.
+    pub fn pin(&mut self, instances: &[InstanceId], reason: Pinned) {
+        for instance in instances {
+            self.instances[instance.0 as usize].pinned.get_or_insert(reason);
+        }
+        load::pin_whole_nodes(&mut self.instances);
+    }
+
     /// Triangles stored: each mesh counted once.
     pub fn triangles_stored(&self) -> u64 {
         self.meshes.iter().map(|m| m.triangle_count() as u64).sum()
