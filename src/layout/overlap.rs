@@ -19,6 +19,8 @@
 //!
 //! Overlaps are held against the box of the whole scene, and the ratio counts instances that stay as they are.
 
+use rayon::prelude::*;
+
 use super::builder::Builder;
 use super::instancing::bake_within_limits;
 use super::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
@@ -30,10 +32,10 @@ use crate::scene::{Bounds, Scene};
 const MOST_ROUNDS: usize = 256;
 
 /// Pairs that one round may queue; where more could be found, only the objects with the largest boxes take part.
-const MOST_PAIRS: usize = 1 << 23;
+const MOST_PAIRS: usize = 1 << 21;
 
 /// As many objects cannot form more than [`MOST_PAIRS`] pairs.
-const FEW_OBJECTS: usize = 1 << 12;
+const FEW_OBJECTS: usize = 1 << 11;
 
 /// Splits and merges objects to lower the overlap ratio.
 pub(super) fn overlap(scene: &Scene, options: &Options) -> Layout {
@@ -135,7 +137,7 @@ impl<'a> Reduction<'a> {
         }
         let boxes: Vec<Bounds> = places.iter().map(|&place| bounds_at(place)).collect();
         let mut pairs = overlap::pairs(&boxes, min_ratio * self.pieces.scene_area);
-        pairs.sort_by(|a, b| b.area.total_cmp(&a.area));
+        pairs.par_sort_by(|a, b| b.area.total_cmp(&a.area));
         let task = |pair: overlap::Pair| Task { places: [pair.a, pair.b].map(|i| places[i as usize]), area: pair.area };
         pairs.into_iter().map(task).collect()
     }
