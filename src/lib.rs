@@ -9,6 +9,7 @@ pub mod bake;
 pub mod cli;
 pub mod cost;
 pub mod emit;
+pub mod inspect;
 pub mod layout;
 pub mod report;
 pub mod scene;

@@ -16,6 +16,8 @@ mod nodes;
 mod precision;
 mod primitive;
 mod prune;
+#[cfg(test)]
+mod tests;
 
 pub use precision::{Settled, settle};
 

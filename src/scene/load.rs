@@ -210,8 +210,8 @@ fn is_singular(transform: &DAffine3) -> bool {
     !(flatness > 1e-9) || !invertible
 }
 
-/// One transform list serves all copies of a node, so that they stay or go together.
-fn pin_whole_nodes(instances: &mut [Instance]) {
+/// Pins all copies of a node as soon as one is pinned.
+pub(super) fn pin_whole_nodes(instances: &mut [Instance]) {
     for copies in instances.chunk_by_mut(|a, b| a.node == b.node) {
         let pinned = copies.iter().find_map(|i| i.pinned);
         copies.iter_mut().for_each(|i| i.pinned = i.pinned.or(pinned));

@@ -5,6 +5,7 @@ mod check;
 mod load;
 
 pub use bounds::Bounds;
+pub use check::Broken;
 pub use load::{LoadOptions, load};
 
 use glam::{DAffine3, DVec3, Vec3};
@@ -193,6 +194,15 @@ impl Scene {
         let of_mesh: Vec<Bounds> = self.meshes.iter().map(Mesh::bounds).collect();
         let boxes = self.instances.iter().map(|i| of_mesh[i.mesh.0 as usize].transformed(&i.transform));
         boxes.fold(Bounds::EMPTY, |all, b| all.union(&b))
+    }
+
+    /// Pins instances, and the other copies of their nodes: one list of transforms serves all copies of a node, so
+    /// that they stay or go together.
+    pub fn pin(&mut self, instances: &[InstanceId], reason: Pinned) {
+        for instance in instances {
+            self.instances[instance.0 as usize].pinned.get_or_insert(reason);
+        }
+        load::pin_whole_nodes(&mut self.instances);
     }
 
     /// Triangles stored: each mesh counted once.

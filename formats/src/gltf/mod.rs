@@ -1,7 +1,21 @@
 //! glTF 2.0 and GLB.
 
+mod accessor;
+mod animation;
 pub(crate) mod attributes;
+mod binary;
+pub(crate) mod compact;
 pub(crate) mod contents;
 pub(crate) mod edit;
+mod extensions;
+mod images;
+mod json;
+mod merge_key;
+mod node;
+mod pack;
+mod primitive;
+mod provenance;
 pub(crate) mod read;
+mod staged;
+mod uri;
 pub(crate) mod write;
