@@ -48,6 +48,11 @@ impl Kinds {
         }
     }
 
+    /// All kinds with their names.
+    pub fn named(&self) -> [(&'static str, KindSpeed); 4] {
+        [("primary", self.primary), ("shadow", self.shadow), ("diffuse", self.diffuse), ("random", self.random)]
+    }
+
     /// The kinds that light a picture: all but random lines.
     pub fn lighting(&self) -> [KindSpeed; 3] {
         [self.primary, self.shadow, self.diffuse]
