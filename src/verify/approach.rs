@@ -4,6 +4,8 @@ use glam::{DVec2, DVec3};
 
 use super::rays::Ray;
 
+const SIDES: [(usize, usize); 3] = [(0, 1), (1, 2), (2, 0)];
+
 /// How the line of a ray passes a triangle. Lengths are world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
@@ -13,8 +15,8 @@ pub struct Approach {
     pub to_edge: f64,
     /// Distance along the ray to the point passed through, or to the nearest point of an edge.
     pub distance: f64,
-    /// Least and greatest distance along the ray of any of the triangle's points.
-    pub span: [f64; 2],
+    /// Length of the longest side.
+    pub size: f64,
     /// Height of the triangle over its longest side as seen along the ray; 0 edge-on.
     pub height: f64,
     /// Whether the ray comes from the side from which the corners run counter-clockwise.
@@ -33,18 +35,19 @@ impl Approach {
         let opposite = [flat[1].perp_dot(flat[2]), flat[2].perp_dot(flat[0]), flat[0].perp_dot(flat[1])];
         let area = opposite[0] + opposite[1] + opposite[2];
         let through = area != 0.0 && (opposite.iter().all(|&o| o >= 0.0) || opposite.iter().all(|&o| o <= 0.0));
-        let (to_edge, edge_depth) = [(0, 1), (1, 2), (2, 0)]
+        let (to_edge, edge_depth) = SIDES
             .map(|(a, b)| pass_edge([flat[a], flat[b]], [depth[a], depth[b]]))
             .into_iter()
             .fold((f64::INFINITY, depth[0]), |best, edge| if edge.0 < best.0 { edge } else { best });
         let inner_depth = (opposite[0] * depth[0] + opposite[1] * depth[1] + opposite[2] * depth[2]) / area;
         let normal = (relative[1] - relative[0]).cross(relative[2] - relative[0]);
-        let longest = [(0, 1), (1, 2), (2, 0)].map(|(a, b)| flat[a].distance(flat[b])).into_iter().fold(0.0, f64::max);
+        let longest = SIDES.map(|(a, b)| flat[a].distance(flat[b])).into_iter().fold(0.0, f64::max);
+        let size = SIDES.map(|(a, b)| corners[a].distance(corners[b])).into_iter().fold(0.0, f64::max);
         Approach {
             through,
             to_edge,
             distance: if through { inner_depth } else { edge_depth },
-            span: [depth[0].min(depth[1]).min(depth[2]), depth[0].max(depth[1]).max(depth[2])],
+            size,
             height: if longest > 0.0 { area.abs() / longest } else { 0.0 },
             front: normal.dot(ahead) < 0.0,
         }
@@ -61,13 +64,11 @@ impl Approach {
     }
 
     /// The distances at which a hit may be found if line and corners may be off by `slack`. Moving a corner by `slack`
-    /// shifts the point passed through by up to the share `slack / height` of the triangle's depth; but no hit lies
-    /// beyond the triangle.
+    /// moves the point passed through by up to the share `slack / height` of the triangle's size, but not beyond it.
     pub fn window(&self, slack: f64) -> [f64; 2] {
-        let [near, far] = self.span;
         let share = if slack < self.height { slack / self.height } else { 1.0 };
-        let reach = slack + share * (far - near);
-        [(self.distance - reach).max(near - slack), (self.distance + reach).min(far + slack)]
+        let reach = slack + share * self.size;
+        [self.distance - reach, self.distance + reach]
     }
 
     /// Whether a hit at some distance is a hit of this triangle, up to `slack`.
@@ -115,7 +116,7 @@ mod tests {
         let ray = Ray::endless(DVec3::new(-1.0, 0.25, 0.0), DVec3::X);
         let flat = Approach::new(&ray, &TRIANGLE);
         assert_eq!((flat.through, flat.to_edge, flat.height), (false, 0.0, 0.0));
-        assert!(flat.explains(1.0, 0.0) && flat.explains(1.9, 0.0) && !flat.explains(2.5, 0.1));
+        assert!(flat.explains(1.0, 0.0) && flat.explains(1.9, 0.0) && !flat.explains(2.7, 0.1));
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::{Hit, VerifyOptions};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
 /// Roundings that may add up on the way from a ray to a hit.
-pub const ROUNDINGS: f64 = 32.0;
+pub const ROUNDINGS: f64 = 8.0;
 /// Hits count as far apart beyond this share of the scene's radius.
 const FAR_RATIO: f64 = 1e-4;
 /// Distances below this share of the scene's radius count as this long when errors are taken relative to them.
@@ -99,7 +99,7 @@ struct Side<'a> {
     /// Leads to the triangles of the input; `None` for the input itself.
     identity: Option<&'a Identity<'a>>,
     magnitudes: Vec<Magnitude>,
-    /// How far its triangles may be from their place, in world units.
+    /// How far its triangles are from their place at most, in world units; no farther than allowed.
     position_error: f64,
 }
 
@@ -152,7 +152,8 @@ impl<'a> Comparison<'a> {
         options: &VerifyOptions,
     ) -> Self {
         let (before, after) = identity.scenes();
-        let position_error = options.max_position_error_ratio * reference_length(before);
+        let allowed = options.max_position_error_ratio * reference_length(before);
+        let position_error = structure.max_position_error.min(allowed);
         Comparison {
             before: Side { scene: before, identity: None, magnitudes: magnitudes(before), position_error: 0.0 },
             after: Side { scene: after, identity: Some(identity), magnitudes: magnitudes(after), position_error },

@@ -6,8 +6,11 @@ use super::random::Random;
 use super::rays::Ray;
 use crate::scene::{Geometry, Instance, Mesh, MeshId, Scene};
 
-/// A mesh of geometries, each given as material, positions and triangles.
-pub(super) fn mesh(source: u32, geometries: Vec<(Option<u32>, Vec<Vec3>, Vec<[u32; 3]>)>) -> Mesh {
+/// Material, positions and triangles of a geometry.
+pub(super) type Parts = (Option<u32>, Vec<Vec3>, Vec<[u32; 3]>);
+
+/// A mesh of geometries.
+pub(super) fn mesh(source: u32, geometries: Vec<Parts>) -> Mesh {
     let mut mesh = Mesh { name: format!("mesh {source}"), source, whole: true, ..Mesh::default() };
     for (primitive, (material, positions, triangles)) in (0..).zip(geometries) {
         let first_triangle = mesh.triangle_count() as u32;

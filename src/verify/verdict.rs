@@ -8,7 +8,7 @@
 //! Rounding explains a difference if the ray passes the edge of the triangle at issue within the slack, the sum of
 //! - [`ROUNDINGS`](super::compare::ROUNDINGS) times half the spacing of 32-bit floats at 1 times the largest numbers
 //!   that meet when the ray is taken into the mesh ([`Magnitude`](super::rounding::Magnitude)), and
-//! - the position error allowed (in the output only).
+//! - the largest position error found, up to the one allowed (in the output only).
 //!
 //! A hit's distance must be right within what the slack can do to it ([`window`](super::approach::Approach::window)).
 //! A tie is a triangle at the distance of the true hit, within the same bounds.
