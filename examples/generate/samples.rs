@@ -3,7 +3,7 @@
 
 use crate::shapes::{Shape, cube, cuboid, floor, octahedron, sphere};
 use crate::writer::Writer;
-use glam::dvec3;
+use glam::{DVec3, dvec3};
 use serde_json::json;
 use std::io;
 use std::path::Path;
@@ -17,13 +17,14 @@ type Sample = (&'static str, fn(Writer) -> io::Result<()>);
 
 /// Writes every scene below `folder`.
 pub(crate) fn all(folder: &Path) -> io::Result<()> {
-    let scenes: [Sample; 10] = [
+    let scenes: [Sample; 11] = [
         ("clean/scene.glb", clean),
         ("overlapping/scene.glb", overlapping),
         ("scattered/scene.glb", scattered),
         ("instanced/scene.gltf", instanced),
         ("animated/scene.glb", animated),
-        ("crossing/scene.glb", crossing),
+        ("staggered/scene.glb", staggered),
+        ("plus/scene.glb", plus),
         ("hierarchy/scene.gltf", hierarchy),
         ("transparent/scene.glb", transparent),
         ("textured/scene.gltf", textured),
@@ -49,15 +50,17 @@ fn clean(mut writer: Writer) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// Four corners of a square of 20 units, at each three cubes of 2 units moved by 0.1 against each other, two of one
-/// material.
+/// Four corners of a square of 20 units, at each three cubes of 2 units, the next 0.1 above and beside the last; two
+/// of the three have one material.
 fn overlapping(mut writer: Writer) -> io::Result<()> {
     let (red, blue) = (writer.material("red", RED), writer.material("blue", BLUE));
     for (corner, (x, z)) in [(0.0, 0.0), (20.0, 0.0), (0.0, 20.0), (20.0, 20.0)].into_iter().enumerate() {
         for (i, material) in [red, blue, red].into_iter().enumerate() {
             let name = format!("crate {corner}.{i}");
             let mesh = writer.mesh(&name, &[(&cube(2.0), Some(material))])?;
-            writer.push("nodes", json!({"name": name, "mesh": mesh, "translation": [x + 0.1 * i as f64, 1.0, z]}));
+            let aside = 0.1 * i as f64;
+            let at = [x + aside, 1.0 + aside, z + aside];
+            writer.push("nodes", json!({"name": name, "mesh": mesh, "translation": at}));
         }
     }
     writer.finish(None)
@@ -103,7 +106,8 @@ fn instanced(mut writer: Writer) -> io::Result<()> {
 fn animated(mut writer: Writer) -> io::Result<()> {
     let grey = writer.material("grey", GREY);
     for i in 0..3 {
-        writer.object(&format!("static {i}"), &cube(2.0).at(0.2 * f64::from(i), 1.0, 0.0), Some(grey))?;
+        let aside = 0.1 * f64::from(i);
+        writer.object(&format!("static {i}"), &cube(2.0).at(aside, 1.0 + aside, aside), Some(grey))?;
     }
     let carousel = json!({"name": "carousel", "translation": [8.0, 0.0, 0.0], "children": [4, 5]});
     let carousel = writer.push("nodes", carousel);
@@ -122,17 +126,28 @@ fn animated(mut writer: Writer) -> io::Result<()> {
     writer.finish(Some(vec![0, 1, 2, carousel]))
 }
 
-/// Two angles of unit cubes, each with two arms of 10 units, laid so that the tips of one cross the arms of the
-/// other.
-fn crossing(mut writer: Writer) -> io::Result<()> {
+/// A row of octahedra, a unit apart, one at each of the given places along an axis.
+fn row(axis: DVec3, radius: f64, places: impl Iterator<Item = f64>) -> Shape {
+    places.fold(Shape::default(), |so_far, place| {
+        let center = place * axis;
+        so_far.and(&octahedron(radius).at(center.x, center.y, center.z))
+    })
+}
+
+/// Two rows of octahedra, of twelve and eight, the last four of one around the first four of the other.
+fn staggered(mut writer: Writer) -> io::Result<()> {
     let (red, blue) = (writer.material("red", RED), writer.material("blue", BLUE));
-    let place = |i: i32, j: i32| cube(1.0).at(f64::from(i), f64::from(j), 0.0);
-    let arms = (1..10).flat_map(|i| [(i, 0), (0, i)]);
-    let cells: Vec<(i32, i32)> = std::iter::once((0, 0)).chain(arms).collect();
-    let angle = cells.iter().fold(Shape::default(), |so_far, &(i, j)| so_far.and(&place(i, j)));
-    let turned = cells.iter().fold(Shape::default(), |so_far, &(i, j)| so_far.and(&place(12 - i, 12 - j)));
-    writer.object("lower angle", &angle, Some(red))?;
-    writer.object("upper angle", &turned, Some(blue))?;
+    writer.object("long row", &row(DVec3::X, 0.45, (0..12).map(f64::from)), Some(red))?;
+    writer.object("short row", &row(DVec3::X, 0.4, (8..16).map(f64::from)), Some(blue))?;
+    writer.finish(None)
+}
+
+/// Two rows of sixteen octahedra that cross at the tenth of each.
+fn plus(mut writer: Writer) -> io::Result<()> {
+    let (red, blue) = (writer.material("red", RED), writer.material("blue", BLUE));
+    let places = || (0..16).map(|i| f64::from(i) - 9.0);
+    writer.object("beam", &row(DVec3::X, 0.45, places()), Some(red))?;
+    writer.object("post", &row(DVec3::Y, 0.4, places()), Some(blue))?;
     writer.finish(None)
 }
 
