@@ -8,7 +8,9 @@
 pub mod bake;
 pub mod cli;
 pub mod cost;
+pub mod emit;
 pub mod layout;
+pub mod inspect;
 pub mod report;
 pub mod scene;
 pub mod verify;

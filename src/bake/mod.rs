@@ -1,1 +1,171 @@
-//! From a layout to a document.
+//! The pipeline of a bake: read, analyse, choose, write, verify, keep the file, report.
+
+mod choose;
+mod clock;
+
+use std::path::Path;
+
+pub use choose::Choice;
+pub use clock::Stage;
+
+use raykiln_formats::Document;
+use raykiln_formats::document::Staged;
+
+use crate::cost::{self, Metrics};
+use crate::emit;
+use crate::layout::{self, Layout, Method};
+use crate::report::{self, BakeReport, Input, Pass, Verdict};
+use crate::scene::{self, LoadOptions, Scene};
+use crate::verify::{self, Verification, VerifyOptions};
+use clock::Clock;
+
+/// What a bake may be told.
+#[derive(Clone, Debug, Default)]
+pub struct BakeOptions {
+    /// How the layout is chosen.
+    pub method: Choice,
+    /// What the methods may be told.
+    pub layout: layout::Options,
+    /// How the input is read.
+    pub load: LoadOptions,
+    /// Drop empty nodes nobody refers to.
+    pub prune: bool,
+    /// How the output is verified.
+    pub verify: VerifyOptions,
+}
+
+/// Why a bake came to nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum BakeError {
+    /// The input cannot be read, or the output cannot be written.
+    #[error(transparent)]
+    File(#[from] raykiln_formats::Error),
+    /// Raykiln made something it must not make.
+    #[error("internal error, please report it: {0}")]
+    Internal(String),
+}
+
+/// Bakes `input` into `output`. On a failed verification the report says so and there is no output.
+///
+/// # Errors
+/// An input that cannot be read, an output that cannot be written; then there is no output either.
+pub fn bake(
+    input: &Path,
+    output: &Path,
+    options: &BakeOptions,
+    progress: &mut dyn FnMut(Stage),
+) -> Result<BakeReport, BakeError> {
+    let mut clock = Clock::start(progress);
+    clock.enter(Stage::Read);
+    let doc = raykiln_formats::read(input)?;
+    let (mut scene, scene_warnings) = scene::load(&doc, &options.load)?;
+    scene.check().map_err(|e| BakeError::Internal(e.0))?;
+
+    clock.enter(Stage::Analyse);
+    let before = measure_as_is(&scene);
+    clock.enter(Stage::Optimise);
+    let diagonal = scene.bounds().diagonal();
+    let limit = options.verify.max_position_error_ratio * diagonal;
+    let mut chosen = choose::choose(&mut scene, &before, options, limit);
+    clock.enter(Stage::Write);
+    let written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
+    chosen.passes.extend(written.passes);
+
+    clock.enter(Stage::Verify);
+    let (after_scene, verification) = verify_staged(&scene, written.staged.path(), &options.verify)?;
+    clock.enter(Stage::Analyse);
+    let after = measure_as_is(&after_scene);
+    clock.enter(Stage::Verify);
+    let verdict = verdict(&verification, written.unchanged);
+    let output_bytes = written.staged.bytes();
+    let mut warnings: Vec<String> = doc.warnings.iter().chain(&scene_warnings).map(ToString::to_string).collect();
+    warnings.extend(written.staged.warnings.iter().map(ToString::to_string));
+    if verdict != Verdict::Failed {
+        written.staged.commit()?;
+    }
+    chosen.record_error(verification.position_error_ratio);
+    let mut notes = chosen.layout.notes;
+    notes.extend(written.notes);
+    Ok(BakeReport {
+        schema: report::SCHEMA,
+        raykiln_version: env!("CARGO_PKG_VERSION"),
+        input: Input::of(input.to_owned(), &scene),
+        output: output.to_owned(),
+        before,
+        after,
+        method: chosen.report,
+        passes: chosen.passes,
+        verify: verification,
+        verdict,
+        seconds: clock.stop(),
+        peak_memory_bytes: clock::peak_memory_bytes(),
+        output_bytes,
+        warnings,
+        notes,
+    })
+}
+
+/// The metrics of a scene as it stands.
+pub fn measure_as_is(scene: &Scene) -> Metrics {
+    cost::measure(scene, &layout::run(Method::Keep, scene, &layout::Options::default()))
+}
+
+struct Written {
+    staged: Staged,
+    /// Whether the output is the input.
+    unchanged: bool,
+    passes: Vec<Pass>,
+    notes: Vec<String>,
+}
+
+/// Writes the output, staged; byte for byte the input where nothing changes.
+fn write(
+    doc: &Document,
+    scene: &Scene,
+    layout: &Layout,
+    output: &Path,
+    prune: bool,
+) -> Result<Written, raykiln_formats::Error> {
+    let start = std::time::Instant::now();
+    let regrouped = !emit::is_unchanged(layout);
+    let emitted = (regrouped || prune).then(|| emit::emit(doc, scene, layout, prune));
+    let pruned = emitted.as_ref().map_or(0, |e| e.pruned_nodes);
+    let mut passes = Vec::new();
+    if prune {
+        let reason = match pruned {
+            0 => "every node shows something or is referred to".to_owned(),
+            n => format!("{n} nodes showed nothing and nothing referred to them"),
+        };
+        passes.push(Pass { name: "prune", applied: pruned > 0, reason, seconds: start.elapsed().as_secs_f64() });
+    }
+    match emitted.filter(|_| regrouped || pruned > 0) {
+        Some(e) => Ok(Written { staged: e.document.stage(output)?, unchanged: false, passes, notes: e.notes }),
+        None => Ok(Written { staged: doc.stage_unchanged(output)?, unchanged: true, passes, notes: Vec::new() }),
+    }
+}
+
+/// Reads the staged file back and traces it against the input.
+fn verify_staged(
+    before: &Scene,
+    staged: &Path,
+    options: &VerifyOptions,
+) -> Result<(Scene, Verification), raykiln_formats::Error> {
+    let (after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
+    let verification = verify::verify(before, &after, options);
+    Ok((after, verification))
+}
+
+/// Faster means: by more than the spread, over the kinds of rays that light a picture, each counted alike.
+fn verdict(verification: &Verification, unchanged: bool) -> Verdict {
+    if !verification.passed() {
+        return Verdict::Failed;
+    }
+    if unchanged {
+        return Verdict::LeftAlone;
+    }
+    let kinds = verification.kinds.lighting();
+    let mean_log = kinds.iter().map(|k| k.speedup_ratio.ln()).sum::<f64>() / kinds.len() as f64;
+    let spread = kinds.iter().map(|k| k.spread_ratio).fold(0.0, f64::max);
+    if mean_log.exp() > 1.0 + spread { Verdict::Faster } else { Verdict::NotFaster }
+}
+

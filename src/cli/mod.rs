@@ -1,7 +1,121 @@
-//! The command line.
+//! The command line: parses it, runs the command, prints its result, and turns it into an exit status.
+
+mod args;
+mod progress;
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Runs the program.
+use anyhow::{Context, Result};
+use clap::{CommandFactory, Parser};
+
+use crate::bake::{self, BakeOptions};
+use crate::inspect;
+use crate::report::{self, Verdict};
+use crate::scene::LoadOptions;
+use args::{Arguments, BakeArguments, Command, InspectArguments, Output};
+use progress::Progress;
+
+/// Exit status of a failed verification.
+const FAILED: u8 = 1;
+/// Exit status of bad usage or bad input.
+const BAD: u8 = 2;
+
+/// Runs the program on the process's arguments.
 pub fn run() -> ExitCode {
-    todo!()
+    let arguments = Arguments::parse();
+    match dispatch(&arguments) {
+        Ok(status) => status,
+        // A reader that has seen enough, such as `head`, is no error.
+        Err(e) if e.downcast_ref::<io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe) => {
+            ExitCode::SUCCESS
+        }
+        Err(e) => {
+            report::text::error(&format!("{e:#}"));
+            ExitCode::from(BAD)
+        }
+    }
+}
+
+fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
+    if let Some(threads) = arguments.output.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global().context("--threads")?;
+    }
+    match &arguments.command {
+        Command::Bake(bake) => run_bake(bake, &arguments.output),
+        Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Arguments::command(), "raykiln", &mut script);
+            print(&script)
+        }
+        Command::Man => {
+            let mut page = Vec::new();
+            clap_mangen::Man::new(Arguments::command()).render(&mut page)?;
+            print(&page)
+        }
+    }
+}
+
+fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
+    let options: BakeOptions = arguments.options()?;
+    check_reports(&arguments.report)?;
+    let mut progress = Progress::new(output.quiet);
+    let report = bake::bake(&arguments.input, &arguments.output, &options, &mut |stage| progress.enter(stage.label()));
+    progress.finish();
+    let report = report?;
+    let json = report::json::to_json(&report);
+    for file in &arguments.report {
+        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
+    }
+    if !output.quiet {
+        report::text::bake(&report, output.verbose > 0);
+    }
+    if arguments.json {
+        print(json.as_bytes())?;
+    }
+    Ok(match report.verdict {
+        Verdict::Failed => {
+            report::text::error(&format!("{}: verification failed: {}", report.output.display(), report.verify));
+            ExitCode::from(FAILED)
+        }
+        _ => ExitCode::SUCCESS,
+    })
+}
+
+fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode> {
+    check_reports(&arguments.report)?;
+    let mut progress = Progress::new(output.quiet);
+    progress.enter("inspecting");
+    let load = LoadOptions { strict: arguments.strict, keep: Vec::new() };
+    let report = inspect::inspect(&arguments.input, &load);
+    progress.finish();
+    let report = report?;
+    let json = report::json::to_json(&report);
+    for file in &arguments.report {
+        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
+    }
+    if arguments.json {
+        print(json.as_bytes())
+    } else {
+        print(report::text::inspect(&report).as_bytes())
+    }
+}
+
+/// Refuses report files of a kind that cannot be written, before any work is done.
+fn check_reports(files: &[PathBuf]) -> Result<()> {
+    for file in files {
+        let is_json = |f: &Path| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        anyhow::ensure!(is_json(file), "--report {}: only reports with the extension .json can be written", file.display());
+    }
+    Ok(())
+}
+
+fn print(bytes: &[u8]) -> Result<ExitCode> {
+    let mut out = io::stdout().lock();
+    out.write_all(bytes)?;
+    out.flush()?;
+    Ok(ExitCode::SUCCESS)
 }

@@ -1,11 +1,61 @@
 //! Predicted sizes of acceleration structures.
+//!
+//! Measured on an NVIDIA H200 (driver 580.159, `PREFER_FAST_TRACE`): a BLAS takes about 92 bytes a triangle, 77 to 80
+//! after compaction, a TLAS 161 bytes an instance. Other devices differ; ratios of two layouts differ less.
+//! The number of geometries makes no difference. A fixed part of every structure beyond its alignment is not modelled.
 
-/// Predicted bytes of a compacted BLAS of so many triangles.
-pub fn blas(_triangles: u64) -> u64 {
-    todo!()
+/// Bytes of a compacted BLAS for each of its triangles.
+pub const COMPACTED_BLAS_BYTES_PER_TRIANGLE: u64 = 79;
+
+/// Bytes of a TLAS for each of its instances.
+pub const TLAS_BYTES_PER_INSTANCE: u64 = 161;
+
+/// What every acceleration structure's address is a multiple of (Vulkan specification,
+/// `VkAccelerationStructureCreateInfoKHR::offset`); the bytes up to the next one are lost.
+pub const ALIGNMENT: u64 = 256;
+
+/// Predicted bytes of a compacted BLAS of so many triangles, up to where the next one may begin; 0 for none.
+/// Beyond what 64 bits hold it is their largest value.
+pub fn blas(triangles: u64) -> u64 {
+    aligned(triangles.saturating_mul(COMPACTED_BLAS_BYTES_PER_TRIANGLE))
 }
 
-/// Predicted bytes of a TLAS of so many instances.
-pub fn tlas(_instances: u64) -> u64 {
-    todo!()
+/// Predicted bytes of a TLAS of so many instances; 0 for none. Beyond what 64 bits hold it is their largest value.
+pub fn tlas(instances: u64) -> u64 {
+    aligned(instances.saturating_mul(TLAS_BYTES_PER_INSTANCE))
+}
+
+fn aligned(bytes: u64) -> u64 {
+    bytes.checked_next_multiple_of(ALIGNMENT).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_takes_no_bytes() {
+        assert_eq!(blas(0), 0);
+        assert_eq!(tlas(0), 0);
+    }
+
+    #[test]
+    fn small_structures_fill_their_alignment() {
+        assert_eq!(blas(1), 256);
+        assert_eq!(blas(3), 256);
+        assert_eq!(blas(4), 512);
+        assert_eq!(tlas(1), 256);
+    }
+
+    #[test]
+    fn a_thousand_opened_instances_take_what_was_measured() {
+        let measured = 2.5 * 1024.0 * 1024.0;
+        assert!((tlas(16_000) as f64 / measured - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn huge_counts_saturate() {
+        assert_eq!(blas(u64::MAX), u64::MAX);
+        assert_eq!(tlas(u64::MAX / 161), u64::MAX);
+    }
 }

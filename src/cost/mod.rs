@@ -8,7 +8,7 @@ use crate::layout::Layout;
 use crate::scene::Scene;
 
 /// What a layout costs.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Metrics {
     /// Mesh groups (BLASes).
     pub mesh_groups: u64,

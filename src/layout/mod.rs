@@ -86,6 +86,22 @@ pub enum Method {
     Overlap,
 }
 
+impl Method {
+    /// All methods, the unchanged scene first.
+    pub const ALL: [Method; 5] = [Method::Keep, Method::Single, Method::PerObject, Method::Bvh, Method::Overlap];
+
+    /// The name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Keep => "keep",
+            Method::Single => "single",
+            Method::PerObject => "per-object",
+            Method::Bvh => "bvh",
+            Method::Overlap => "overlap",
+        }
+    }
+}
+
 /// What a method may be told. Ratios run from 0 to 1 unless said otherwise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {

@@ -1,1 +1,220 @@
-//! Reports for people and programs.
+//! Reports: the data (this module), as JSON ([`json`]) and as text for people ([`text`]).
+
+pub mod json;
+pub mod text;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::cost::Metrics;
+use crate::scene::Scene;
+use crate::verify::Verification;
+
+/// Identifies the JSON form of [`BakeReport`].
+pub const SCHEMA: &str = "raykiln.report/1";
+
+/// What a bake did. Times are seconds, sizes bytes, ratios plain quotients.
+#[derive(Clone, Debug, Serialize)]
+pub struct BakeReport {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Version of the program.
+    pub raykiln_version: &'static str,
+    /// What was read.
+    pub input: Input,
+    /// Where the output went.
+    pub output: PathBuf,
+    /// The input's layout.
+    pub before: Metrics,
+    /// The output's layout; as `before` where the output was refused.
+    pub after: Metrics,
+    /// How the layout was chosen.
+    pub method: MethodReport,
+    /// What was done besides, or left out, and why.
+    pub passes: Vec<Pass>,
+    /// What tracing both files showed.
+    pub verify: Verification,
+    /// What came of it.
+    pub verdict: Verdict,
+    /// Time by stage.
+    pub seconds: Seconds,
+    /// Largest amount of memory the process had in use, where the system tells.
+    pub peak_memory_bytes: Option<u64>,
+    /// Size of the output's files.
+    pub output_bytes: u64,
+    /// What the reader mended or left out.
+    pub warnings: Vec<String>,
+    /// What the method and the writer left out, and why.
+    pub notes: Vec<String>,
+}
+
+/// What a scene is made of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Input {
+    /// The file.
+    pub path: PathBuf,
+    /// Triangles stored.
+    pub triangles: u64,
+    /// Vertices stored.
+    pub vertices: u64,
+    /// Geometries placed by all instances.
+    pub objects: u64,
+    /// Materials in the file.
+    pub materials: u64,
+    /// Nodes in the file.
+    pub nodes: u64,
+    /// Instances in the default scene.
+    pub instances: u64,
+    /// Those of them that must stay as they are.
+    pub pinned_instances: u64,
+}
+
+/// How a layout was chosen.
+#[derive(Clone, Debug, Serialize)]
+pub struct MethodReport {
+    /// What the user asked for.
+    pub requested: &'static str,
+    /// What was written.
+    pub chosen: &'static str,
+    /// Why, in words.
+    pub reason: String,
+    /// All layouts looked at.
+    pub candidates: Vec<Candidate>,
+}
+
+/// A layout looked at.
+#[derive(Clone, Debug, Serialize)]
+pub struct Candidate {
+    /// Its method.
+    pub name: &'static str,
+    /// Two-level cost.
+    pub predicted_cost: f64,
+    /// Rays a second on a device, in millions; none without a device.
+    pub measured_mrays_per_s: Option<f64>,
+    /// Predicted bytes of BLASes and TLAS.
+    pub as_bytes: u64,
+    /// Largest position error over the scene's diagonal; none for layouts that were not written.
+    pub position_error_ratio: Option<f64>,
+    /// Time to lay it out and cost it.
+    pub seconds: f64,
+}
+
+/// A step that was taken or left out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Pass {
+    /// Its name.
+    pub name: &'static str,
+    /// Whether it changed anything.
+    pub applied: bool,
+    /// Why, in words.
+    pub reason: String,
+    /// Time it took.
+    pub seconds: f64,
+}
+
+/// What came of a bake.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Verdict {
+    /// The output traces faster than the input by more than the spread.
+    #[serde(rename = "faster")]
+    Faster,
+    /// The output was restructured as asked, but does not trace faster by more than the spread.
+    #[serde(rename = "not faster")]
+    NotFaster,
+    /// The output is the input.
+    #[serde(rename = "left alone")]
+    LeftAlone,
+    /// Verification failed; there is no output.
+    #[serde(rename = "failed")]
+    Failed,
+}
+
+/// Time by stage, in seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Seconds {
+    /// Reading the input.
+    pub read: f64,
+    /// Measuring the layouts of input and output.
+    pub analyse: f64,
+    /// Choosing a layout.
+    pub optimise: f64,
+    /// Writing the output, staged.
+    pub write: f64,
+    /// Reading it back and tracing both.
+    pub verify: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+/// What `inspect` found.
+#[derive(Clone, Debug, Serialize)]
+pub struct InspectReport {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Version of the program.
+    pub raykiln_version: &'static str,
+    /// What was read.
+    pub input: Input,
+    /// Its layout.
+    pub before: Metrics,
+    /// The pairs of objects that overlap most, worst first.
+    pub worst_pairs: Vec<OverlappingPair>,
+    /// Vendor rules the scene breaks.
+    pub findings: Vec<Finding>,
+    /// What the reader mended or left out.
+    pub warnings: Vec<String>,
+}
+
+/// Two objects whose boxes overlap.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OverlappingPair {
+    /// The first object.
+    pub a: String,
+    /// The second object.
+    pub b: String,
+    /// Surface area of the intersection of their boxes over that of the scene's box.
+    pub overlap_ratio: f64,
+}
+
+/// A vendor rule that a scene breaks.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// Id of the rule, such as `RK001`.
+    pub rule: &'static str,
+    /// How much it matters.
+    pub severity: Severity,
+    /// The object at fault, or empty for the whole scene.
+    pub object: String,
+    /// What is wrong, in words.
+    pub message: String,
+}
+
+/// How much a finding matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// Worth knowing.
+    Info,
+    /// Costs speed or memory.
+    Warning,
+    /// A device refuses or ignores it.
+    Error,
+}
+
+impl Input {
+    /// Counts a scene.
+    pub fn of(path: PathBuf, scene: &Scene) -> Input {
+        let geometries = || scene.meshes.iter().flat_map(|m| &m.geometries);
+        Input {
+            path,
+            triangles: scene.triangles_stored(),
+            vertices: geometries().map(|g| g.positions.len() as u64).sum(),
+            objects: scene.objects(),
+            materials: scene.materials.len() as u64,
+            nodes: scene.nodes as u64,
+            instances: scene.instances.len() as u64,
+            pinned_instances: scene.instances.iter().filter(|i| i.pinned.is_some()).count() as u64,
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! The invariants of a [`Scene`].
-use super::Scene;
+
+use super::{Geometry, Mesh, Scene};
 
 /// The first broken invariant of a scene, in words.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -7,11 +8,113 @@ use super::Scene;
 pub struct Broken(pub String);
 
 impl Scene {
-    /// Names the first broken invariant.
+    /// Names the first broken invariant: indices in range, no empty mesh or geometry, triangles counted through
+    /// each mesh, referenced positions and transforms finite.
     ///
     /// # Errors
     /// Whatever the fields' descriptions promise and is not so.
     pub fn check(&self) -> Result<(), Broken> {
-        todo!()
+        for (i, mesh) in self.meshes.iter().enumerate() {
+            check_mesh(mesh, self.materials.len()).map_err(|e| Broken(format!("mesh {i} `{}`: {e}", mesh.name)))?;
+        }
+        for (i, instance) in self.instances.iter().enumerate() {
+            let broken = |what: &str| Err(Broken(format!("instance {i} `{}`: {what}", instance.name)));
+            if instance.mesh.0 as usize >= self.meshes.len() {
+                return broken("places a mesh that is not there");
+            }
+            if !instance.transform.is_finite() {
+                return broken("has a transform that is not finite");
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_mesh(mesh: &Mesh, materials: usize) -> Result<(), String> {
+    if mesh.geometries.is_empty() {
+        return Err("has no geometry".into());
+    }
+    let mut first = 0;
+    for (i, geometry) in mesh.geometries.iter().enumerate() {
+        if geometry.first_triangle as usize != first {
+            return Err(format!("geometry {i} does not start at triangle {first}"));
+        }
+        first += geometry.triangles.len();
+        check_geometry(geometry, materials).map_err(|e| format!("geometry {i} {e}"))?;
+    }
+    Ok(())
+}
+
+fn check_geometry(geometry: &Geometry, materials: usize) -> Result<(), String> {
+    if geometry.triangles.is_empty() {
+        return Err("is empty".into());
+    }
+    if geometry.material.is_some_and(|m| m as usize >= materials) {
+        return Err("has a material that is not there".into());
+    }
+    if geometry.kept.as_ref().is_some_and(|k| k.len() != geometry.triangles.len()) {
+        return Err("does not tell the source of every triangle".into());
+    }
+    for (t, corners) in geometry.triangles.iter().enumerate() {
+        for &v in corners {
+            match geometry.positions.get(v as usize) {
+                None => return Err(format!("triangle {t} has vertex {v} of {}", geometry.positions.len())),
+                Some(p) if !p.is_finite() => return Err(format!("triangle {t} has a corner that is not finite")),
+                Some(_) => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Instance, MeshId};
+    use super::*;
+    use glam::{DAffine3, DVec3, Vec3};
+
+    fn triangle() -> Scene {
+        let geometry = Geometry {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            ..Geometry::default()
+        };
+        Scene {
+            meshes: vec![Mesh { geometries: vec![geometry], ..Mesh::default() }],
+            instances: vec![Instance {
+                name: "one".into(),
+                node: 0,
+                source_node: 0,
+                copy: 0,
+                mesh: MeshId(0),
+                transform: DAffine3::IDENTITY,
+                pinned: None,
+            }],
+            ..Scene::default()
+        }
+    }
+
+    fn broken(change: impl FnOnce(&mut Scene)) -> String {
+        let mut scene = triangle();
+        change(&mut scene);
+        scene.check().expect_err("the fault is found").0
+    }
+
+    #[test]
+    fn a_triangle_is_sound() {
+        assert_eq!(triangle().check(), Ok(()));
+    }
+
+    #[test]
+    fn each_broken_invariant_is_named() {
+        assert!(broken(|s| s.meshes[0].geometries.clear()).contains("no geometry"));
+        assert!(broken(|s| s.meshes[0].geometries[0].triangles.clear()).contains("is empty"));
+        assert!(broken(|s| s.meshes[0].geometries[0].triangles[0][2] = 3).contains("vertex 3 of 3"));
+        assert!(broken(|s| s.meshes[0].geometries[0].positions[1].x = f32::NAN).contains("not finite"));
+        assert!(broken(|s| s.meshes[0].geometries[0].first_triangle = 1).contains("start at triangle 0"));
+        assert!(broken(|s| s.meshes[0].geometries[0].material = Some(0)).contains("material"));
+        assert!(broken(|s| s.meshes[0].geometries[0].kept = Some(vec![])).contains("source"));
+        assert!(broken(|s| s.instances[0].mesh = MeshId(1)).contains("mesh that is not there"));
+        assert!(broken(|s| s.instances[0].transform.translation = DVec3::INFINITY).contains("not finite"));
     }
 }

@@ -1,17 +1,231 @@
 //! From a document to a [`Scene`].
-use super::Scene;
-use raykiln_formats::{Document, Error};
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, Vec3};
+use globset::{Glob, GlobSet, GlobSetBuilder};
+use raykiln_formats::contents::{self, Contents};
+use raykiln_formats::{Document, Error, ReadOptions, Warning};
+
+use super::{Geometry, Instance, Mesh, MeshId, Pinned, PlacedCamera, Scene};
 
 /// How to read a scene.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// Refuse what would otherwise be a warning about the data.
+    /// Refuse non-finite positions, which are otherwise dropped with a warning.
     pub strict: bool,
-    /// Glob patterns of node, mesh and object names to be pinned.
+    /// Glob patterns of node and mesh names: what they match, and all nodes below, is pinned.
     pub keep: Vec<String>,
 }
 
-/// Makes the scene a ray tracer sees of the document's default scene; also returns warnings.
-pub fn load(_doc: &Document, _options: &LoadOptions) -> Result<(Scene, Vec<raykiln_formats::Warning>), Error> {
-    todo!()
+/// Makes the scene a ray tracer sees of the document's default scene; also returns what was left out.
+///
+/// # Errors
+/// Whatever [`Document::contents`] finds; a pattern that is no glob; a transform that overflows; a scene without a
+/// triangle.
+pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning>), Error> {
+    let keep = patterns(&options.keep).map_err(|e| Error::whole(&doc.path, format!("--keep: {e}")))?;
+    let mut contents = doc.contents(ReadOptions { strict: options.strict })?;
+    let warnings = std::mem::take(&mut contents.warnings);
+    let shown = walk(&contents, &keep);
+    let (meshes, mesh_ids) = meshes(&mut contents, &shown);
+    let mut scene = Scene {
+        instances: instances(doc, &contents, &shown, &meshes, &mesh_ids)?,
+        cameras: cameras(&contents, &shown),
+        nodes: contents.nodes.len(),
+        materials: contents.materials,
+        meshes,
+    };
+    pin_whole_nodes(&mut scene.instances);
+    if scene.instances.is_empty() {
+        return Err(Error::whole(&doc.path, "the default scene holds no triangles"));
+    }
+    Ok((scene, warnings))
+}
+
+fn patterns(globs: &[String]) -> Result<GlobSet, globset::Error> {
+    let mut set = GlobSetBuilder::new();
+    for glob in globs {
+        set.add(Glob::new(glob)?);
+    }
+    set.build()
+}
+
+/// A node of the default scene.
+struct Shown {
+    node: usize,
+    /// World from node.
+    transform: DAffine3,
+    /// What the node or an ancestor is pinned by.
+    pinned: Option<Pinned>,
+}
+
+/// The nodes of the default scene, depth first, children in file order.
+fn walk(contents: &Contents, keep: &GlobSet) -> Vec<Shown> {
+    let mut shown = Vec::with_capacity(contents.nodes.len());
+    let mut stack: Vec<(usize, DAffine3, Option<Pinned>)> =
+        contents.roots.iter().rev().map(|&root| (root, DAffine3::IDENTITY, None)).collect();
+    while let Some((at, parent, inherited)) = stack.pop() {
+        let node = &contents.nodes[at];
+        let transform = parent * node.local;
+        let pinned = inherited.or_else(|| node_pin(contents, node, keep));
+        stack.extend(node.children.iter().rev().map(|&child| (child, transform, pinned)));
+        shown.push(Shown { node: at, transform, pinned });
+    }
+    shown
+}
+
+/// What pins a node and all nodes below it.
+fn node_pin(contents: &Contents, node: &contents::Node, keep: &GlobSet) -> Option<Pinned> {
+    let mesh_name = node.mesh.and_then(|m| contents.meshes[m].name.as_deref());
+    let matches = |name: Option<&str>| name.is_some_and(|n| keep.is_match(n));
+    if matches(node.name.as_deref()) || matches(mesh_name) {
+        Some(Pinned::Protected)
+    } else if node.animated {
+        Some(Pinned::Animated)
+    } else if !node.unknown_extensions.is_empty() {
+        Some(Pinned::UnknownExtension)
+    } else {
+        None
+    }
+}
+
+/// What pins a node alone.
+fn instance_pin(contents: &Contents, node: &contents::Node, mesh: usize) -> Option<Pinned> {
+    if node.skinned {
+        Some(Pinned::Skinned)
+    } else if contents.meshes[mesh].primitives.iter().any(|p| p.morphed) {
+        Some(Pinned::Morphed)
+    } else if node.in_other_scene {
+        Some(Pinned::OtherScene)
+    } else {
+        None
+    }
+}
+
+/// The meshes the shown nodes place, in file order, and for each mesh of the document its place among them.
+fn meshes(contents: &mut Contents, shown: &[Shown]) -> (Vec<Mesh>, Vec<Option<MeshId>>) {
+    let mut placed = vec![false; contents.meshes.len()];
+    for s in shown {
+        if let Some(mesh) = contents.nodes[s.node].mesh {
+            placed[mesh] = true;
+        }
+    }
+    let mut classes = HashMap::new();
+    let mut meshes = Vec::new();
+    let mut ids = vec![None; contents.meshes.len()];
+    for (source, mesh) in contents.meshes.iter_mut().enumerate().filter(|(source, _)| placed[*source]) {
+        let loaded = load_mesh(source as u32, mesh, &contents.materials, &mut classes);
+        if !loaded.geometries.is_empty() {
+            ids[source] = Some(MeshId(meshes.len() as u32));
+            meshes.push(loaded);
+        }
+    }
+    (meshes, ids)
+}
+
+fn load_mesh(
+    source: u32,
+    mesh: &mut contents::Mesh,
+    materials: &[contents::Material],
+    classes: &mut HashMap<String, u32>,
+) -> Mesh {
+    let mut loaded = Mesh { name: mesh.name.clone().unwrap_or_default(), source, whole: true, ..Mesh::default() };
+    let mut first_triangle = 0;
+    for (primitive, p) in mesh.primitives.iter_mut().enumerate() {
+        let Some(triangles) = p.triangles.take().filter(|t| !t.corners.is_empty()) else {
+            loaded.whole = false;
+            continue;
+        };
+        loaded.whole &= triangles.kept.is_none();
+        let next_class = classes.len() as u32;
+        let count = triangles.corners.len() as u32;
+        loaded.geometries.push(Geometry {
+            primitive: primitive as u32,
+            material: p.material.map(|m| m as u32),
+            opacity: p.material.map(|m| materials[m].opacity).unwrap_or_default(),
+            merge_class: *classes.entry(std::mem::take(&mut p.merge_key)).or_insert(next_class),
+            first_triangle,
+            positions: bytemuck::allocation::cast_vec::<[f32; 3], Vec3>(triangles.positions),
+            triangles: triangles.corners,
+            kept: triangles.kept,
+            provenance: p.provenance.take(),
+        });
+        first_triangle += count;
+    }
+    loaded
+}
+
+fn instances(
+    doc: &Document,
+    contents: &Contents,
+    shown: &[Shown],
+    meshes: &[Mesh],
+    mesh_ids: &[Option<MeshId>],
+) -> Result<Vec<Instance>, Error> {
+    let mut instances = Vec::new();
+    for s in shown {
+        let node = &contents.nodes[s.node];
+        let Some((source, mesh)) = node.mesh.and_then(|m| Some((m, mesh_ids[m]?))) else { continue };
+        let name = node.name.as_ref().unwrap_or(&meshes[mesh.0 as usize].name);
+        let alone = [DAffine3::IDENTITY];
+        for (copy, local) in node.copies.as_deref().unwrap_or(&alone).iter().enumerate() {
+            let transform = s.transform * *local;
+            if !transform.is_finite() {
+                let place = format!("nodes[{}]", s.node);
+                return Err(Error::at(&doc.path, place, "the transform into the world overflows"));
+            }
+            let singular = is_singular(&transform).then_some(Pinned::Singular);
+            instances.push(Instance {
+                name: name.clone(),
+                node: s.node as u32,
+                source_node: source_node(doc, s.node),
+                copy: copy as u32,
+                mesh,
+                transform,
+                pinned: s.pinned.or_else(|| instance_pin(contents, node, source)).or(singular),
+            });
+        }
+    }
+    Ok(instances)
+}
+
+/// The node of the input for which a node of a bake's output stands, else the node itself.
+fn source_node(doc: &Document, node: usize) -> u32 {
+    doc.json["nodes"][node]["extras"]["raykiln"]["source"]["node"]
+        .as_u64()
+        .and_then(|n| u32::try_from(n).ok())
+        .unwrap_or(node as u32)
+}
+
+/// Whether a device, which inverts the transform in single precision, cannot trace into the instance: the axes span
+/// no volume, or one so flat that rounding decides on which side it lies.
+fn is_singular(transform: &DAffine3) -> bool {
+    let m = transform.matrix3;
+    let spanned = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+    let flatness = m.determinant().abs() / spanned;
+    let inverse = transform.inverse();
+    let invertible = inverse.to_cols_array().iter().all(|c| (*c as f32).is_finite());
+    // NaN, from axes of no length or an overflow, counts as flat.
+    !(flatness > 1e-9) || !invertible
+}
+
+/// Pins all copies of a node as soon as one is pinned.
+pub(super) fn pin_whole_nodes(instances: &mut [Instance]) {
+    for copies in instances.chunk_by_mut(|a, b| a.node == b.node) {
+        let pinned = copies.iter().find_map(|i| i.pinned);
+        copies.iter_mut().for_each(|i| i.pinned = i.pinned.or(pinned));
+    }
+}
+
+fn cameras(contents: &Contents, shown: &[Shown]) -> Vec<PlacedCamera> {
+    shown
+        .iter()
+        .filter(|s| s.transform.is_finite())
+        .filter_map(|s| {
+            let node = &contents.nodes[s.node];
+            let camera = contents.cameras[node.camera?];
+            Some(PlacedCamera { name: node.name.clone().unwrap_or_default(), camera, transform: s.transform })
+        })
+        .collect()
 }

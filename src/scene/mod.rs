@@ -76,6 +76,9 @@ pub struct Instance {
     pub name: String,
     /// Node of the document.
     pub node: u32,
+    /// Node of the input this instance stands for: `extras.raykiln.source.node` of the node where present (a bake's
+    /// output), else `node`.
+    pub source_node: u32,
     /// Copy within the node (`EXT_mesh_gpu_instancing`), else 0.
     pub copy: u32,
     /// What is placed.
@@ -137,6 +140,13 @@ impl Mesh {
         self.geometries.iter().map(|g| g.triangles.len()).sum()
     }
 
+    /// Box around its triangles in mesh coordinates.
+    pub fn bounds(&self) -> Bounds {
+        let corners =
+            self.geometries.iter().flat_map(|g| g.triangles.iter().flatten().map(|&v| g.positions[v as usize]));
+        Bounds::of(corners.map(|p| p.as_dvec3()))
+    }
+
     /// The geometry that holds triangle `triangle` of the mesh, and the triangle's index in it.
     pub fn locate(&self, triangle: u32) -> (usize, usize) {
         let g = self.geometries.partition_point(|g| g.first_triangle <= triangle) - 1;
@@ -170,6 +180,28 @@ impl Scene {
         let [a, b, c] = self.mesh_of(InstanceId(at.instance)).corners(at.triangle);
         let [a, b, c] = [a, b, c].map(|p| instance.transform.transform_point3(p.as_dvec3()));
         if instance.mirrored() { [a, c, b] } else { [a, b, c] }
+    }
+
+    /// Objects: the geometries of all instances, each counted where it is placed.
+    pub fn objects(&self) -> u64 {
+        self.instances.iter().map(|i| self.meshes[i.mesh.0 as usize].geometries.len() as u64).sum()
+    }
+
+    /// Box around the transformed boxes of all instances, as a driver computes it: never smaller than the box around
+    /// all placed triangles.
+    pub fn bounds(&self) -> Bounds {
+        let of_mesh: Vec<Bounds> = self.meshes.iter().map(Mesh::bounds).collect();
+        let boxes = self.instances.iter().map(|i| of_mesh[i.mesh.0 as usize].transformed(&i.transform));
+        boxes.fold(Bounds::EMPTY, |all, b| all.union(&b))
+    }
+
+    /// Pins instances, and the other copies of their nodes: one list of transforms serves all copies of a node, so
+    /// that they stay or go together.
+    pub fn pin(&mut self, instances: &[InstanceId], reason: Pinned) {
+        for instance in instances {
+            self.instances[instance.0 as usize].pinned.get_or_insert(reason);
+        }
+        load::pin_whole_nodes(&mut self.instances);
     }
 
     /// Triangles stored: each mesh counted once.

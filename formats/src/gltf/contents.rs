@@ -1,6 +1,119 @@
 //! From JSON to [`Contents`], with every check.
-use crate::{Contents, Document, Error, ReadOptions};
 
-pub(crate) fn contents(_doc: &Document, _options: ReadOptions) -> Result<Contents, Error> {
-    todo!()
+use rayon::prelude::*;
+
+use super::accessor::Accessor;
+use super::animation::mark_animated;
+use super::json::At;
+use super::{extensions, node, primitive};
+use crate::contents::{Camera, Material, Mesh, Node, Opacity};
+use crate::{Contents, Document, Error, ReadOptions, Warning};
+
+pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents, Error> {
+    let root = At::root(doc);
+    root.object()?;
+    extensions::check_required(&root)?;
+    let mut warnings = Vec::new();
+    let mut nodes = node::nodes(doc, &mut warnings)?;
+    check_skins(doc, nodes.len())?;
+    let roots = scenes(&root, &mut nodes)?;
+    mark_animated(doc, &mut nodes)?;
+    let materials = root.list("materials")?.map(|at| material(&at, &mut warnings)).collect::<Result<_, _>>()?;
+    let cameras = root.list("cameras")?.map(|at| camera(&at)).collect::<Result<_, _>>()?;
+    let meshes = meshes(doc, options, &mut warnings)?;
+    Ok(Contents { nodes, roots, meshes, materials, cameras, warnings })
+}
+
+/// All meshes, read in parallel; the first error in file order counts.
+fn meshes(doc: &Document, options: ReadOptions, warnings: &mut Vec<Warning>) -> Result<Vec<Mesh>, Error> {
+    let places: Vec<At<'_>> = At::root(doc).list("meshes")?.collect();
+    let read: Vec<_> = places.par_iter().map(|at| primitive::mesh(doc, at, options)).collect();
+    let mut meshes = Vec::with_capacity(read.len());
+    for result in read {
+        let (mesh, found) = result?;
+        meshes.push(mesh);
+        warnings.extend(found);
+    }
+    Ok(meshes)
+}
+
+fn check_skins(doc: &Document, nodes: usize) -> Result<(), Error> {
+    for skin in At::root(doc).list("skins")? {
+        for joint in skin.list("joints")? {
+            joint.index_into("nodes", nodes)?;
+        }
+        skin.index("skeleton", "nodes", nodes)?;
+        if let Some(index) = skin.get("inverseBindMatrices") {
+            Accessor::referred(doc, &index)?;
+        }
+    }
+    Ok(())
+}
+
+/// The roots of the default scene; marks the nodes that other scenes show.
+fn scenes(root: &At<'_>, nodes: &mut [Node]) -> Result<Vec<usize>, Error> {
+    let count = root.count("scenes");
+    let default = root.index("scene", "scenes", count)?.unwrap_or(0);
+    let mut roots = Vec::new();
+    let mut others = Vec::new();
+    let mut last_shown_by = vec![None; nodes.len()];
+    for (i, scene) in root.list("scenes")?.enumerate() {
+        for at in scene.list("nodes")? {
+            let node = at.index_into("nodes", nodes.len())?;
+            if let Some(parent) = nodes[node].parent {
+                return Err(at.error(format_args!("nodes[{node}] is no root; it is a child of nodes[{parent}]")));
+            }
+            if last_shown_by[node].replace(i) == Some(i) {
+                return Err(at.error(format_args!("nodes[{node}] is listed twice")));
+            }
+            if i == default { roots.push(node) } else { others.push(node) }
+        }
+    }
+    let mut shown = vec![false; nodes.len()];
+    node::mark_below(nodes, others, &mut shown);
+    for (node, shown) in nodes.iter_mut().zip(shown) {
+        node.in_other_scene = shown;
+    }
+    if count == 0 {
+        roots = (0..nodes.len()).filter(|i| nodes[*i].parent.is_none()).collect();
+    }
+    Ok(roots)
+}
+
+fn material(at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Material, Error> {
+    at.object()?;
+    let opacity = match at.get("alphaMode").map_or(Ok("OPAQUE"), |mode| mode.string())? {
+        "OPAQUE" => Opacity::Opaque,
+        "MASK" => Opacity::Mask { cutoff: at.get("alphaCutoff").map_or(Ok(0.5), |cutoff| cutoff.number())? },
+        "BLEND" => Opacity::Blend,
+        other => {
+            warnings.push(at.warning(format_args!("the alphaMode \"{other}\" is unknown; OPAQUE is assumed")));
+            Opacity::Opaque
+        }
+    };
+    let double_sided = at.get("doubleSided").map_or(Ok(false), |sided| sided.boolean())?;
+    Ok(Material { name: at.name(), opacity, double_sided })
+}
+
+fn camera(at: &At<'_>) -> Result<Camera, Error> {
+    match at.need("type")?.string()? {
+        "perspective" => {
+            let lens = at.need("perspective")?;
+            let aspect_ratio = lens.get("aspectRatio").map(|_| positive(&lens, "aspectRatio")).transpose()?;
+            Ok(Camera::Perspective { yfov: positive(&lens, "yfov")?, aspect_ratio })
+        }
+        "orthographic" => {
+            let lens = at.need("orthographic")?;
+            Ok(Camera::Orthographic { xmag: lens.need("xmag")?.number()?, ymag: lens.need("ymag")?.number()? })
+        }
+        other => Err(at.error_at("type", format_args!("there is no camera type \"{other}\""))),
+    }
+}
+
+fn positive<'v>(at: &At<'v>, key: &'v str) -> Result<f64, Error> {
+    let value = at.need(key)?;
+    match value.number()? {
+        x if x > 0.0 => Ok(x),
+        x => Err(value.error(format_args!("{x} is not positive"))),
+    }
 }

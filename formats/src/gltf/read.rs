@@ -1,7 +1,199 @@
 //! From file to [`Document`].
-use crate::{Document, Error};
-use std::path::Path;
 
-pub(crate) fn read(_path: &Path) -> Result<Document, Error> {
-    todo!()
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use bytes::Bytes;
+use serde_json::Value;
+
+use super::extensions::{self, COMPRESSED, DRACO, MESHOPT};
+use super::json::{At, unsigned};
+use super::uri::{self, Uri};
+use super::{binary, edit};
+use crate::document::Kind;
+use crate::{Document, Error, Warning};
+
+/// Reads a glTF or GLB file, told apart by their first bytes.
+pub(crate) fn read(path: &Path) -> Result<Document, Error> {
+    let file = Bytes::from(fs::read(path).map_err(|e| Error::whole(path, e))?);
+    let (json, bin, kind, mut warnings) = open(path, &file)?;
+    let root = At::new(path, &json);
+    check_asset(&root)?;
+    extensions::check_required(&root)?;
+    let buffers = load_buffers(&root, path, bin, &mut warnings)?;
+    let mut doc = Document { json, buffers, path: path.to_owned(), kind, warnings };
+    drop_draco(&mut doc)?;
+    drop_meshopt(&mut doc);
+    Ok(doc)
+}
+
+type Opened = (Value, Option<Bytes>, Kind, Vec<Warning>);
+
+/// The JSON and binary chunk of a file.
+fn open(path: &Path, file: &Bytes) -> Result<Opened, Error> {
+    if file.starts_with(binary::MAGIC) {
+        let parts = binary::parts(path, file)?;
+        let text = &file[parts.json];
+        let padding = text.iter().rev().take_while(|b| **b == 0).count();
+        let json = parse(path, "JSON chunk, ", &text[..text.len() - padding])?;
+        return Ok((json, parts.bin.map(|range| file.slice(range)), Kind::Glb, parts.warnings));
+    }
+    if file.is_empty() {
+        return Err(Error::whole(path, "the file is empty"));
+    }
+    if path.extension().and_then(OsStr::to_str).is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
+        return Err(Error::whole(path, "wrong magic: a GLB file starts with the bytes \"glTF\""));
+    }
+    let text = file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file);
+    Ok((parse(path, "", text)?, None, Kind::Gltf, Vec::new()))
+}
+
+/// Parses JSON. serde_json refuses values nested deeper than 128 levels, so that no tree can exhaust the stack.
+fn parse(path: &Path, part: &str, text: &[u8]) -> Result<Value, Error> {
+    serde_json::from_slice(text).map_err(|e| {
+        let message = e.to_string();
+        let cause = message.split(" at line ").next().unwrap_or(&message);
+        Error::at(path, format!("{part}line {} column {}", e.line(), e.column()), format_args!("JSON: {cause}"))
+    })
+}
+
+/// Refuses files of another glTF version.
+fn check_asset(root: &At<'_>) -> Result<(), Error> {
+    root.object()?;
+    let asset = root.need("asset")?;
+    let version = asset.need("version")?;
+    if version.string()?.split('.').next() != Some("2") {
+        return Err(version.error(format_args!("glTF version {} is not supported, only 2.x", version.value)));
+    }
+    match asset.get("minVersion") {
+        Some(min) if min.string()? != "2.0" => {
+            Err(min.error(format_args!("glTF version {} is needed, only 2.0 is supported", min.value)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The bytes of every buffer, exactly `byteLength` of each. Files named twice are read once.
+fn load_buffers(
+    root: &At<'_>,
+    path: &Path,
+    bin: Option<Bytes>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<Bytes>, Error> {
+    let mut files = BTreeMap::new();
+    let mut unused_bin = bin.is_some();
+    let mut buffers = Vec::new();
+    for (i, at) in root.list("buffers")?.enumerate() {
+        let length = at.need("byteLength")?.integer()?;
+        let bytes = match (at.get("uri"), &bin) {
+            (Some(uri), _) => load_uri(&uri, path, &mut files)?,
+            (None, Some(bin)) if i == 0 => {
+                unused_bin = false;
+                bin.clone()
+            }
+            (None, _) => return Err(no_bytes(&at)),
+        };
+        if bytes.len() < length {
+            return Err(at.error(format_args!("byteLength is {length}, but there are only {} bytes", bytes.len())));
+        }
+        buffers.push(bytes.slice(..length));
+    }
+    if unused_bin {
+        warnings.push(Warning { place: "BIN chunk".into(), message: "no buffer refers to it; it is left out".into() });
+    }
+    Ok(buffers)
+}
+
+fn no_bytes(at: &At<'_>) -> Error {
+    match MESHOPT.iter().find(|name| at.extension(name).is_some()) {
+        Some(name) => at.error(format_args!("{name} has no uncompressed fallback here, and {COMPRESSED}")),
+        None => at.error("has neither a uri nor a BIN chunk, so there are no bytes"),
+    }
+}
+
+fn load_uri(at: &At<'_>, path: &Path, files: &mut BTreeMap<PathBuf, Bytes>) -> Result<Bytes, Error> {
+    let uri = at.string()?;
+    match uri::parse(uri) {
+        Uri::Data { base64, payload, .. } => {
+            uri::decode(base64, payload).map(Bytes::from).map_err(|cause| at.error(cause))
+        }
+        Uri::Scheme(scheme) => Err(at.error(format_args!("URIs of the scheme {scheme}: are not supported"))),
+        Uri::Malformed(cause) => Err(at.error(cause)),
+        Uri::File(name) => {
+            let file = uri::locate(uri::folder_of(path), uri, &name);
+            if let Some(bytes) = files.get(&file) {
+                return Ok(bytes.clone());
+            }
+            let bytes = read_regular(&file)
+                .map_err(|e| at.error(format_args!("the buffer file {} cannot be read: {e}", file.display())))?;
+            files.insert(file, bytes.clone());
+            Ok(bytes)
+        }
+    }
+}
+
+/// Reads a file that a scene names; pipes and devices, which may never end, are refused.
+pub(super) fn read_regular(file: &Path) -> std::io::Result<Bytes> {
+    if !fs::metadata(file)?.is_file() {
+        return Err(std::io::Error::other("not a regular file"));
+    }
+    fs::read(file).map(Bytes::from)
+}
+
+/// Drops optional Draco compression: the uncompressed accessors say the same, and the compressed copy would
+/// contradict every primitive that is changed.
+fn drop_draco(doc: &mut Document) -> Result<(), Error> {
+    let root = At::root(doc);
+    let mut dropped = 0;
+    for mesh in root.list("meshes")? {
+        for primitive in mesh.list("primitives")? {
+            if primitive.extension(DRACO).is_some() {
+                check_fallback(&root, &primitive)?;
+                dropped += 1;
+            }
+        }
+    }
+    if dropped > 0 {
+        edit::each_primitive(&mut doc.json, |primitive| {
+            extensions::remove(primitive, DRACO);
+        });
+        extensions::forget(&mut doc.json, DRACO);
+        let message = format!("{DRACO} of {dropped} primitives is left out; their uncompressed accessors are used");
+        doc.warnings.push(Warning { place: "meshes".into(), message });
+    }
+    Ok(())
+}
+
+/// Refuses a Draco primitive whose accessors hold no data of their own.
+fn check_fallback(root: &At<'_>, primitive: &At<'_>) -> Result<(), Error> {
+    let accessors = root.get("accessors");
+    let attributes = primitive.get("attributes").and_then(|at| at.value.as_object());
+    let attributes = attributes.into_iter().flat_map(|map| map.values());
+    for index in attributes.chain(primitive.value.get("indices")) {
+        let accessor = unsigned(index).and_then(|i| accessors?.element(i));
+        if accessor.is_some_and(|at| at.get("bufferView").is_none() && at.get("sparse").is_none()) {
+            return Err(primitive.error(format_args!("{DRACO} has no uncompressed fallback here, and {COMPRESSED}")));
+        }
+    }
+    Ok(())
+}
+
+/// Drops optional meshopt compression, as [`drop_draco`] does. Fallback buffers without bytes were refused before.
+fn drop_meshopt(doc: &mut Document) {
+    for name in MESHOPT {
+        let mut dropped = 0;
+        for list in ["bufferViews", "buffers"] {
+            for item in doc.json.get_mut(list).and_then(Value::as_array_mut).into_iter().flatten() {
+                let found = extensions::remove(item, name).is_some();
+                dropped += usize::from(found && list == "bufferViews");
+            }
+        }
+        if dropped > 0 {
+            extensions::forget(&mut doc.json, name);
+            let message = format!("{name} of {dropped} buffer views is left out; their uncompressed bytes are used");
+            doc.warnings.push(Warning { place: "bufferViews".into(), message });
+        }
+    }
 }

@@ -1,0 +1,138 @@
+//! What is known of glTF extensions: which can be read, and which refer to what the bake renumbers.
+
+use serde_json::Value;
+
+use super::json::At;
+use crate::Error;
+
+/// Extensions whose geometry semantics are handled or that do not touch geometry, besides `KHR_materials_*`. They
+/// may be required, and none refers to meshes, accessors or buffer views in a place that `compact` does not know.
+const READABLE: &[&str] = &[
+    "ADOBE_materials_clearcoat_specular",
+    "ADOBE_materials_thin_transparency",
+    "AGI_stk_metadata",
+    "EXT_lights_image_based",
+    "EXT_materials_bump",
+    "EXT_mesh_features",
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_astc",
+    "EXT_texture_avif",
+    "EXT_texture_procedurals_mx_1_39",
+    "EXT_texture_webp",
+    "FB_geometry_metadata",
+    "GODOT_single_root",
+    "KHR_animation_pointer",
+    "KHR_lights_punctual",
+    "KHR_mesh_quantization",
+    "KHR_texture_basisu",
+    "KHR_texture_transform",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "MSFT_packing_normalRoughnessMetallic",
+    "MSFT_packing_occlusionRoughnessMetallic",
+    "MSFT_texture_dds",
+];
+
+/// Extensions that cannot be required, but whose references are known, so that they do not hinder renumbering.
+const RENUMBERABLE: &[&str] = &[
+    DRACO,
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_node_visibility",
+    "MSFT_lod",
+    "MSFT_screencoverage",
+];
+
+/// Extensions of a node that leave its mesh alone.
+const HARMLESS_ON_NODES: &[&str] = &[GPU_INSTANCING, "KHR_lights_punctual", "KHR_xmp", "KHR_xmp_json_ld"];
+
+/// Draco compression of primitives.
+pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
+/// meshoptimizer's compression of buffer views, under its vendor's and Khronos' name.
+pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+/// Many copies of a node's mesh.
+pub(super) const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
+/// Animation of any property.
+pub(super) const ANIMATION_POINTER: &str = "KHR_animation_pointer";
+
+/// Why a file that needs decompression is refused.
+pub(super) const COMPRESSED: &str = "compressed geometry is not read yet";
+
+/// Refuses a file that requires an extension which is not understood.
+pub(super) fn check_required(root: &At<'_>) -> Result<(), Error> {
+    for at in root.list("extensionsRequired")? {
+        let name = at.string()?;
+        if name == DRACO || MESHOPT.contains(&name) {
+            return Err(at.error(format_args!("{name} is required, but {COMPRESSED}")));
+        }
+        if !is_readable(name) {
+            return Err(at.error(format_args!("the required extension {name} is not supported")));
+        }
+    }
+    Ok(())
+}
+
+fn is_readable(name: &str) -> bool {
+    name.starts_with("KHR_materials_") || READABLE.contains(&name)
+}
+
+/// Whether an extension on a node leaves the meaning of its mesh alone.
+pub(super) fn is_harmless_on_nodes(name: &str) -> bool {
+    HARMLESS_ON_NODES.contains(&name)
+}
+
+/// The first extension object of the document that may refer to meshes, accessors or buffer views in ways not
+/// known here.
+pub(super) fn first_unknown(json: &Value) -> Option<String> {
+    let mut todo = vec![json];
+    while let Some(value) = todo.pop() {
+        match value {
+            Value::Array(list) => todo.extend(list.iter().rev()),
+            Value::Object(map) => {
+                let extensions = map.get("extensions").and_then(Value::as_object);
+                let names = extensions.into_iter().flat_map(|e| e.keys());
+                if let Some(name) = names.into_iter().find(|name| !is_renumberable(name)) {
+                    return Some(name.clone());
+                }
+                if map.get("pointer").is_some_and(points_to_renumbered) {
+                    return Some(ANIMATION_POINTER.to_owned());
+                }
+                todo.extend(map.iter().rev().filter(|(key, _)| *key != "extras").map(|(_, value)| value));
+            }
+            _ => {}
+        }
+    }
+    None
+}
+
+fn is_renumberable(name: &str) -> bool {
+    is_readable(name) || RENUMBERABLE.contains(&name)
+}
+
+fn points_to_renumbered(pointer: &Value) -> bool {
+    let lists = ["/meshes/", "/accessors/", "/bufferViews/"];
+    pointer.as_str().is_some_and(|p| lists.iter().any(|list| p.starts_with(list)))
+}
+
+/// Removes a property of an object's `extensions`, and `extensions` itself when nothing is left in it.
+pub(super) fn remove(object: &mut Value, name: &str) -> Option<Value> {
+    let extensions = object.get_mut("extensions")?.as_object_mut()?;
+    let removed = extensions.shift_remove(name);
+    if extensions.is_empty() {
+        object.as_object_mut()?.shift_remove("extensions");
+    }
+    removed
+}
+
+/// Takes a name out of `extensionsUsed` and `extensionsRequired`.
+pub(super) fn forget(json: &mut Value, name: &str) {
+    for key in ["extensionsUsed", "extensionsRequired"] {
+        let Some(list) = json.get_mut(key).and_then(Value::as_array_mut) else { continue };
+        list.retain(|v| v != name);
+        if list.is_empty()
+            && let Some(root) = json.as_object_mut()
+        {
+            root.shift_remove(key);
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Which primitives may be joined.
+
+use std::fmt::Write;
+
+use serde_json::Value;
+
+use super::accessor::Accessor;
+use super::extensions::DRACO;
+use super::json::At;
+
+/// A text that is equal for primitives with the same vertex attributes, extensions and extras. Positions, normals
+/// and tangents count as 32-bit floats, since joining transforms them; where triangles came from does not count.
+pub(super) fn merge_key(primitive: &At<'_>, attributes: &[(&str, Accessor<'_>)]) -> String {
+    let mut types: Vec<String> = attributes.iter().map(|(name, accessor)| attribute_type(name, accessor)).collect();
+    types.sort_unstable();
+    let mut key = types.join(" ");
+    for (property, hidden) in [("extensions", DRACO), ("extras", "raykiln")] {
+        key.push('|');
+        if let Some(at) = primitive.get(property) {
+            write_canonical(&mut key, at.value, Some(hidden));
+        }
+    }
+    key
+}
+
+fn attribute_type(name: &str, accessor: &Accessor<'_>) -> String {
+    let e = accessor.element;
+    match name {
+        "POSITION" | "NORMAL" | "TANGENT" => format!("{name}:F32x{}", e.components),
+        _ => format!("{name}:{:?}x{}{}", e.component, e.components, if e.normalized { "n" } else { "" }),
+    }
+}
+
+/// Writes JSON with sorted properties; an object that holds nothing but `hidden` counts as absent. The parser
+/// bounds the depth.
+fn write_canonical(out: &mut String, value: &Value, hidden: Option<&str>) {
+    match value {
+        Value::Object(map) => {
+            let mut entries: Vec<_> = map.iter().filter(|(key, _)| Some(key.as_str()) != hidden).collect();
+            if entries.is_empty() && hidden.is_some() {
+                return;
+            }
+            entries.sort_unstable_by_key(|(key, _)| *key);
+            out.push('{');
+            for (key, value) in entries {
+                // Writing to a string cannot fail.
+                let _ = write!(out, "{}:", Value::from(key.as_str()));
+                write_canonical(out, value, None);
+                out.push(',');
+            }
+            out.push('}');
+        }
+        Value::Array(list) => {
+            out.push('[');
+            for value in list {
+                write_canonical(out, value, None);
+                out.push(',');
+            }
+            out.push(']');
+        }
+        other => {
+            let _ = write!(out, "{other}");
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! The arguments, as clap reads them; they become options of the library and stop here.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::bake::{BakeOptions, Choice};
+use crate::layout::{self, Method};
+use crate::scene::LoadOptions;
+use crate::verify::VerifyOptions;
+
+/// Bakes scenes for hardware ray tracing: decides which triangles share a bottom-level acceleration structure
+/// (BLAS), writes glTF whose meshes, primitives and nodes say so, and proves that the result shows the same surfaces.
+#[derive(Debug, Parser)]
+#[command(version, name = "raykiln", max_term_width = 110)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    pub(super) output: Output,
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct Output {
+    /// Threads to use [default: one for each core]
+    #[arg(long, global = true, value_name = "N")]
+    pub(super) threads: Option<NonZeroUsize>,
+    /// Print nothing but errors and what was asked for
+    #[arg(long, short, global = true)]
+    pub(super) quiet: bool,
+    /// Print more: every warning, every pass, every candidate
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, conflicts_with = "quiet")]
+    pub(super) verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Choose a layout, write it, verify it, report
+    #[command(after_help = BAKE_EXAMPLES)]
+    Bake(Box<BakeArguments>),
+    /// Show what a scene is made of, what it costs, and which vendor rules it breaks
+    Inspect(InspectArguments),
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page
+    Man,
+}
+
+const BAKE_EXAMPLES: &str = "Examples:
+  raykiln bake conference.obj -o conference.glb
+  raykiln bake scene.gltf -o baked.glb --method overlap --skip-overlap-ratio 0.005
+  raykiln bake scene.glb -o baked.glb --method single --keep 'door*' --report baked.json";
+
+#[derive(Debug, Args)]
+pub(super) struct BakeArguments {
+    /// The scene: OBJ, glTF or GLB
+    pub(super) input: PathBuf,
+    /// Where to write the result: .glb, or .gltf with a .bin beside it
+    #[arg(long, short)]
+    pub(super) output: PathBuf,
+    /// How to decide which triangles share a BLAS
+    #[arg(long, value_enum, default_value_t = MethodArgument::Auto)]
+    method: MethodArgument,
+    /// Where to trace rays: `auto` or `cpu`
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    device: String,
+    /// Also write a report to FILE (.json); may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub(super) report: Vec<PathBuf>,
+    /// Print the report as JSON on standard output
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Leave nodes and meshes whose name matches GLOB, and all nodes below, as they are; may be repeated
+    #[arg(long, value_name = "GLOB")]
+    keep: Vec<String>,
+    /// Refuse non-finite positions instead of dropping their triangles
+    #[arg(long)]
+    strict: bool,
+    /// Drop empty nodes that nothing refers to
+    #[arg(long)]
+    prune: bool,
+    #[command(flatten)]
+    layout: LayoutArguments,
+    #[command(flatten)]
+    verify: VerifyArguments,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Layout options")]
+struct LayoutArguments {
+    /// bvh: tree nodes allowed over triangles of the scene
+    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().nodes_per_triangle_ratio, value_parser = ratio)]
+    nodes_per_triangle_ratio: f64,
+    /// bvh: do not split nodes whose box area over the scene's is below this
+    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().min_area_ratio, value_parser = ratio)]
+    min_area_ratio: f64,
+    /// overlap: leave pairs alone whose overlap area over the scene box's area is at most this
+    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().skip_overlap_ratio, value_parser = ratio)]
+    skip_overlap_ratio: f64,
+    /// overlap: split pairs whose overlap over their joint box is below this, merge the others
+    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().split_or_merge_ratio, value_parser = ratio)]
+    split_or_merge_ratio: f64,
+    /// overlap: split both objects of a pair at their middle below this, at their overlap above it
+    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().split_ratio, value_parser = ratio)]
+    split_ratio: f64,
+    /// overlap: stop when the scene's overlap ratio falls below this
+    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().termination_overlap_ratio, value_parser = ratio)]
+    termination_overlap_ratio: f64,
+    /// bvh, overlap: do not split objects with at most this many triangles
+    #[arg(long, value_name = "N", default_value_t = layout::Options::default().min_triangles)]
+    min_triangles: usize,
+    /// Leave instances instanced where writing them out would need more predicted BLAS and TLAS bytes than this times
+    /// the input's [default: 1.25 for auto, no limit otherwise]
+    #[arg(long, value_name = "RATIO", value_parser = ratio)]
+    max_bytes_ratio: Option<f64>,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Verification options")]
+struct VerifyArguments {
+    /// Rays of each kind to trace through both files
+    #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().rays_per_kind)]
+    rays: u32,
+    /// How often to repeat the timing of each kind
+    #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().repeats)]
+    repeats: u32,
+    /// Seed of the rays
+    #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().seed)]
+    seed: u64,
+    /// Largest distance a vertex may move, over the scene's diagonal
+    #[arg(long, value_name = "RATIO", default_value_t = VerifyOptions::default().max_position_error_ratio, value_parser = ratio)]
+    max_position_error_ratio: f64,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct InspectArguments {
+    /// The scene: OBJ, glTF or GLB
+    pub(super) input: PathBuf,
+    /// Also write the report to FILE (.json); may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub(super) report: Vec<PathBuf>,
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Refuse non-finite positions instead of dropping their triangles
+    #[arg(long)]
+    pub(super) strict: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MethodArgument {
+    /// The method of least predicted cost, the input as it is among them
+    Auto,
+    /// The input as it is
+    Keep,
+    /// One BLAS of all that may be restructured
+    Single,
+    /// One BLAS for each object and material; instances stay
+    PerObject,
+    /// Binned SAH splits of every object
+    Bvh,
+    /// Split and merge objects until their boxes overlap little
+    Overlap,
+}
+
+impl From<MethodArgument> for Choice {
+    fn from(argument: MethodArgument) -> Choice {
+        Choice::Method(match argument {
+            MethodArgument::Auto => return Choice::Auto,
+            MethodArgument::Keep => Method::Keep,
+            MethodArgument::Single => Method::Single,
+            MethodArgument::PerObject => Method::PerObject,
+            MethodArgument::Bvh => Method::Bvh,
+            MethodArgument::Overlap => Method::Overlap,
+        })
+    }
+}
+
+fn ratio(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value >= 0.0 => Ok(value),
+        _ => Err("a ratio is a number of at least 0".into()),
+    }
+}
+
+impl BakeArguments {
+    /// What the library needs to know.
+    pub(super) fn options(&self) -> Result<BakeOptions> {
+        if !["auto", "cpu"].contains(&self.device.as_str()) {
+            bail!("--device {}: this version traces on the CPU only; use `auto` or `cpu`", self.device);
+        }
+        let l = &self.layout;
+        Ok(BakeOptions {
+            method: self.method.into(),
+            layout: layout::Options {
+                nodes_per_triangle_ratio: l.nodes_per_triangle_ratio,
+                min_area_ratio: l.min_area_ratio,
+                skip_overlap_ratio: l.skip_overlap_ratio,
+                split_or_merge_ratio: l.split_or_merge_ratio,
+                split_ratio: l.split_ratio,
+                termination_overlap_ratio: l.termination_overlap_ratio,
+                min_triangles: l.min_triangles,
+                max_bytes_ratio: l.max_bytes_ratio,
+            },
+            load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
+            prune: self.prune,
+            verify: VerifyOptions {
+                rays_per_kind: self.verify.rays,
+                repeats: self.verify.repeats,
+                seed: self.verify.seed,
+                max_position_error_ratio: self.verify.max_position_error_ratio,
+                ..VerifyOptions::default()
+            },
+        })
+    }
+}

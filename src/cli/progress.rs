@@ -1,0 +1,50 @@
+//! A line on the terminal that says what takes so long.
+
+use std::io::{IsTerminal, stderr};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// A stage shorter than this is not worth a line.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Shows the stage that is under way once it lasts over a second; only on a terminal.
+pub(super) struct Progress {
+    shown: bool,
+    bar: ProgressBar,
+    waiting: Option<std::sync::mpsc::Sender<()>>,
+}
+
+impl Progress {
+    pub(super) fn new(quiet: bool) -> Self {
+        Progress { shown: !quiet && stderr().is_terminal(), bar: ProgressBar::hidden(), waiting: None }
+    }
+
+    /// Ends the line of the last stage and begins a new one.
+    pub(super) fn enter(&mut self, stage: &'static str) {
+        self.finish();
+        if !self.shown {
+            return;
+        }
+        self.bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()).with_message(stage);
+        self.bar.set_style(
+            ProgressStyle::with_template("{spinner} {msg} {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
+        );
+        let (done, is_done) = std::sync::mpsc::channel();
+        self.waiting = Some(done);
+        let bar = self.bar.clone();
+        std::thread::spawn(move || {
+            let timed_out = is_done.recv_timeout(PATIENCE) == Err(std::sync::mpsc::RecvTimeoutError::Timeout);
+            if timed_out && !bar.is_finished() {
+                bar.set_draw_target(ProgressDrawTarget::stderr());
+                bar.enable_steady_tick(Duration::from_millis(100));
+            }
+        });
+    }
+
+    /// Clears the line.
+    pub(super) fn finish(&mut self) {
+        self.waiting = None;
+        self.bar.finish_and_clear();
+    }
+}

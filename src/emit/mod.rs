@@ -1,0 +1,75 @@
+//! From a layout to a document: groups become meshes, geometries primitives, placements nodes.
+//!
+//! What a layout leaves as it is stays as it is in the document. Every node keeps its name, its place in the
+//! hierarchy and its index; emptied nodes and rewritten primitives carry `extras.raykiln`:
+//!
+//! | where | key | meaning |
+//! | --- | --- | --- |
+//! | emptied node | `moved_to` | nodes that show its triangles now |
+//! | emptied node | `mesh` | name and extras of the mesh it placed |
+//! | new child node | `source.node` | the input's node it stands for |
+//! | primitive left as it is | `source` | mesh and primitive of the input |
+//! | rewritten primitive | `provenance` | see [`Provenance`](raykiln_formats::contents::Provenance) |
+
+mod gather;
+mod nodes;
+mod precision;
+mod primitive;
+mod prune;
+#[cfg(test)]
+mod tests;
+
+pub use precision::{Settled, settle};
+
+use raykiln_formats::Document;
+use rayon::prelude::*;
+
+use crate::layout::{Content, Layout};
+use crate::scene::Scene;
+use gather::{Gathered, Sources};
+
+/// A document made from a layout.
+#[derive(Clone, Debug)]
+pub struct Emitted {
+    /// The new document.
+    pub document: Document,
+    /// The largest distance between a stored position and the exact one, in world units.
+    pub position_error: f64,
+    /// Nodes that `--prune` dropped.
+    pub pruned_nodes: usize,
+    /// What could not be done, in words.
+    pub notes: Vec<String>,
+}
+
+/// Whether a layout leaves every mesh and instance of the input as it is.
+pub fn is_unchanged(layout: &Layout) -> bool {
+    layout.groups.iter().all(|g| matches!(g.content, Content::Kept(_)))
+}
+
+/// Makes the document that shows `layout`, from the document the scene was loaded from.
+pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, prune: bool) -> Emitted {
+    let sources = Sources::new(doc, scene);
+    let gathered: Vec<Option<Gathered>> =
+        layout.groups.par_iter().map(|group| gather::gather(&sources, &group.content)).collect();
+    let position_error = gathered.iter().flatten().map(|g| g.position_error).fold(0.0, f64::max);
+
+    let mut document = doc.clone();
+    let mut notes = Vec::new();
+    primitive::mark_untouched(&mut document, scene);
+    let meshes: Vec<usize> = layout
+        .groups
+        .iter()
+        .zip(gathered)
+        .map(|(group, gathered)| match (gathered, &group.content) {
+            (Some(gathered), _) => primitive::push_mesh(&mut document, &group.name, gathered),
+            (None, Content::Kept(mesh)) => scene.meshes[mesh.0 as usize].source as usize,
+            (None, _) => unreachable!("only kept meshes are not gathered"),
+        })
+        .collect();
+    nodes::place(&mut document, scene, layout, &meshes);
+    let pruned_nodes = if prune { prune::drop_empty_nodes(&mut document, &mut notes) } else { 0 };
+    if let Some(extension) = document.compact().held_by {
+        notes.push(format!("unused data stays in the file: the extension {extension} may refer to it"));
+    }
+    Emitted { document, position_error, pruned_nodes, notes }
+}

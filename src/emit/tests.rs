@@ -1,0 +1,245 @@
+//! Layouts written by hand, made into documents and read back.
+
+use glam::{DAffine3, DVec3, dvec3};
+use raykiln_formats::Document;
+use raykiln_formats::document::Kind;
+use serde_json::{Value, json};
+
+use super::*;
+use crate::layout::{Group, GroupGeometry, Placement};
+use crate::scene::{self, InstanceId, LoadOptions, MeshId, Opacity, TriangleRef};
+
+/// Interleaves nothing: one buffer holds positions, normals, tangents (4 vertices each) and two triangles.
+fn document(nodes: Value, mesh: Value) -> Document {
+    let positions: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.5]];
+    let normals = [[0.0_f32, 0.0, 1.0]; 4];
+    let tangents = [[1.0_f32, 0.0, 0.0, 1.0]; 4];
+    let corners: [u16; 6] = [0, 1, 2, 0, 2, 3];
+    let mut bytes = bytemuck::cast_slice::<_, u8>(&positions).to_vec();
+    bytes.extend(bytemuck::cast_slice::<_, u8>(&normals));
+    bytes.extend(bytemuck::cast_slice::<_, u8>(&tangents));
+    bytes.extend(bytemuck::cast_slice::<_, u8>(&corners));
+    let view = |offset: usize, length: usize| json!({"buffer": 0, "byteOffset": offset, "byteLength": length});
+    let accessor = |view: usize, component: u32, count: usize, kind: &str| {
+        json!({"bufferView": view, "componentType": component, "count": count, "type": kind})
+    };
+    let roots: Vec<usize> = nodes.as_array().map_or(0..0, |n| 0..n.len()).collect();
+    let json = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": roots}], "nodes": nodes,
+        "meshes": [mesh], "materials": [{"name": "red"}, {"name": "blue"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0.5]},
+            accessor(1, 5126, 4, "VEC3"), accessor(2, 5126, 4, "VEC4"), accessor(3, 5123, 6, "SCALAR")],
+        "bufferViews": [view(0, 48), view(48, 48), view(96, 64), view(160, 12)],
+        "buffers": [{"byteLength": bytes.len()}]
+    });
+    Document { json, buffers: vec![bytes.into()], path: "test.gltf".into(), kind: Kind::Gltf, warnings: Vec::new() }
+}
+
+fn surface(material: u32) -> Value {
+    json!({"attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2}, "indices": 3, "material": material})
+}
+
+fn load(doc: &Document) -> Scene {
+    let (scene, _) = scene::load(doc, &LoadOptions::default()).expect("the document is sound");
+    scene.check().expect("the scene is sound");
+    scene
+}
+
+/// Material and world corners of every placed triangle, in an order of their own.
+fn shown(scene: &Scene) -> Vec<(Option<u32>, [DVec3; 3])> {
+    let mut all = Vec::new();
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let mesh = &scene.meshes[instance.mesh.0 as usize];
+        for triangle in 0..mesh.triangle_count() as u32 {
+            let (g, _) = mesh.locate(triangle);
+            let corners = scene.world_corners(TriangleRef { instance: i as u32, triangle });
+            all.push((mesh.geometries[g].material, corners));
+        }
+    }
+    all.sort_by_key(|(m, c)| (*m, c.map(|p| p.to_array().map(|x| (x * 1024.0).round() as i64))));
+    all
+}
+
+fn geometry(scene: &Scene, triangles: &[(u32, u32)]) -> GroupGeometry {
+    let (instance, triangle) = triangles[0];
+    let mesh = scene.mesh_of(InstanceId(instance));
+    let source = &mesh.geometries[mesh.locate(triangle).0];
+    GroupGeometry {
+        material: source.material,
+        merge_class: source.merge_class,
+        opacity: Opacity::Opaque,
+        triangles: triangles.iter().map(|&(instance, triangle)| TriangleRef { instance, triangle }).collect(),
+    }
+}
+
+/// All triangles of all instances in one baked group.
+fn baked(scene: &Scene) -> Layout {
+    let all: Vec<(u32, u32)> = (0..scene.instances.len() as u32)
+        .flat_map(|i| (0..scene.mesh_of(InstanceId(i)).triangle_count() as u32).map(move |t| (i, t)))
+        .collect();
+    let content = Content::Baked { frame: DAffine3::IDENTITY, geometries: vec![geometry(scene, &all)] };
+    Layout {
+        groups: vec![Group { name: "all".into(), content }],
+        placements: vec![Placement { group: 0, instance: None, transform: DAffine3::IDENTITY }],
+        notes: Vec::new(),
+    }
+}
+
+fn two_nodes() -> Document {
+    document(
+        json!([
+            {"name": "left", "mesh": 0, "translation": [3, 0, 0], "extras": {"user": 1}},
+            {"name": "mirrored", "mesh": 0, "scale": [-2, 1, 1], "rotation": [0, 0, 0.6, 0.8]}
+        ]),
+        json!({"name": "quad", "primitives": [surface(1)], "extras": {"owner": "me"}}),
+    )
+}
+
+fn floats(doc: &Document, name: &str) -> Vec<[f32; 3]> {
+    let mesh = doc.json["meshes"].as_array().map_or(0, Vec::len) - 1;
+    let attributes = doc.attributes(mesh, 0);
+    let found = attributes.iter().find(|a| a.name == name).expect("the attribute is there");
+    (0..found.count).map(|i| bytemuck::pod_read_unaligned(&found.data[i * found.stride..][..12])).collect()
+}
+
+#[test]
+fn a_baked_group_shows_the_same_triangles_with_the_same_facing() {
+    let doc = two_nodes();
+    let scene = load(&doc);
+    let emitted = emit(&doc, &scene, &baked(&scene), false);
+    let after = load(&emitted.document);
+    assert_eq!(after.instances.len(), 1);
+    let (before, after) = (shown(&scene), shown(&after));
+    assert_eq!(before.len(), after.len());
+    for ((m, x), (n, y)) in before.iter().zip(&after) {
+        assert_eq!(m, n);
+        let normal = |c: &[DVec3; 3]| (c[1] - c[0]).cross(c[2] - c[0]);
+        assert!(normal(x).dot(normal(y)) > 0.0, "the face is turned over");
+        assert!(x.iter().all(|p| y.iter().any(|q| p.distance(*q) < 1e-6)), "{x:?} {y:?}");
+    }
+    assert!(emitted.position_error < 1e-6);
+}
+
+#[test]
+fn emptied_nodes_keep_name_and_extras_and_say_where_their_triangles_went() {
+    let doc = two_nodes();
+    let scene = load(&doc);
+    let json = emit(&doc, &scene, &baked(&scene), false).document.json;
+    assert_eq!(json["nodes"][0]["name"], "left");
+    assert_eq!(json["nodes"][0]["extras"]["user"], 1);
+    assert!(json["nodes"][0].get("mesh").is_none());
+    assert_eq!(json["nodes"][0]["extras"]["raykiln"]["moved_to"], json!([2]));
+    let mesh = &json["nodes"][1]["extras"]["raykiln"]["mesh"];
+    assert_eq!(*mesh, json!({"name": "quad", "extras": {"owner": "me"}}));
+    assert_eq!(json["scenes"][0]["nodes"], json!([0, 1, 2]));
+    assert_eq!(json["meshes"].as_array().map(Vec::len), Some(1), "the unused mesh is gone");
+    assert!(json["nodes"][2].get("matrix").is_none(), "an identity needs no transform");
+}
+
+#[test]
+fn provenance_names_node_mesh_primitive_and_triangles() {
+    let doc = two_nodes();
+    let scene = load(&doc);
+    let after = load(&emit(&doc, &scene, &baked(&scene), false).document);
+    let Some(raykiln_formats::contents::Provenance::Runs { sources, runs }) = &after.meshes[0].geometries[0].provenance
+    else {
+        panic!("no runs: {:?}", after.meshes[0].geometries[0].provenance)
+    };
+    let nodes: Vec<Option<u32>> = sources.iter().map(|s| s.node).collect();
+    assert_eq!(nodes, [Some(0), Some(1)]);
+    assert_eq!(*runs, [[0, 0, 2], [1, 0, 2]]);
+}
+
+#[test]
+fn normals_and_tangents_turn_with_their_instance() {
+    let doc = document(
+        json!([{"mesh": 0, "rotation": [0.0, 0.7071067811865476, 0.0, 0.7071067811865476], "scale": [1, 1, 5]}]),
+        json!({"primitives": [surface(0)]}),
+    );
+    let scene = load(&doc);
+    let emitted = emit(&doc, &scene, &baked(&scene), false);
+    for normal in floats(&emitted.document, "NORMAL") {
+        assert!((glam::Vec3::from(normal) - glam::Vec3::X).length() < 1e-6, "{normal:?}");
+    }
+    for tangent in floats(&emitted.document, "TANGENT") {
+        assert!((glam::Vec3::from(tangent) + glam::Vec3::Z).length() < 1e-6, "{tangent:?}");
+    }
+}
+
+#[test]
+fn pieces_hang_under_every_node_that_placed_the_mesh() {
+    let mesh = json!({"primitives": [surface(0), surface(1)]});
+    let doc = document(json!([{"mesh": 0}, {"mesh": 0, "translation": [0, 5, 0]}]), mesh);
+    let scene = load(&doc);
+    let piece = |name: &str, triangles: &[(u32, u32)]| Group {
+        name: name.into(),
+        content: Content::Piece(MeshId(0), vec![geometry(&scene, triangles)]),
+    };
+    let placement = |group: u32, instance: u32| Placement {
+        group,
+        instance: Some(InstanceId(instance)),
+        transform: scene.instances[instance as usize].transform,
+    };
+    let layout = Layout {
+        groups: vec![piece("red", &[(0, 0), (0, 1)]), piece("blue", &[(0, 2), (0, 3)])],
+        placements: vec![placement(0, 0), placement(1, 0), placement(0, 1), placement(1, 1)],
+        notes: Vec::new(),
+    };
+    let document = emit(&doc, &scene, &layout, false).document;
+    let after = load(&document);
+    assert_eq!(shown(&scene), shown(&after));
+    assert_eq!(after.meshes.len(), 2);
+    assert_eq!(document.json["nodes"][1]["children"].as_array().map(Vec::len), Some(2));
+    assert_eq!(after.instances[3].source_node, 1);
+}
+
+#[test]
+fn points_and_lines_beside_triangles_stay_where_they_are() {
+    let lines = json!({"attributes": {"POSITION": 0}, "mode": 1});
+    let doc = document(json!([{"mesh": 0, "name": "both"}]), json!({"primitives": [surface(0), lines]}));
+    let scene = load(&doc);
+    assert!(!scene.meshes[0].whole);
+    let json = emit(&doc, &scene, &baked(&scene), false).document.json;
+    let kept = &json["meshes"][json["nodes"][0]["mesh"].as_u64().expect("the node keeps a mesh") as usize];
+    assert_eq!(kept["primitives"].as_array().map(Vec::len), Some(1));
+    assert_eq!(kept["primitives"][0]["mode"], 1);
+}
+
+#[test]
+fn pruning_drops_emptied_nodes_but_none_that_something_refers_to() {
+    let mut doc = two_nodes();
+    doc.json["nodes"][1]["camera"] = json!(0);
+    doc.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]);
+    let scene = load(&doc);
+    let emitted = emit(&doc, &scene, &baked(&scene), true);
+    assert_eq!(emitted.pruned_nodes, 1);
+    let nodes = emitted.document.json["nodes"].as_array().expect("nodes remain");
+    assert_eq!(nodes.iter().map(|n| n["name"].as_str()).collect::<Vec<_>>(), [Some("mirrored"), Some("all")]);
+    assert_eq!(nodes[0]["extras"]["raykiln"]["moved_to"], json!([1]));
+    assert_eq!(shown(&load(&emitted.document)).len(), 4);
+}
+
+#[test]
+fn far_groups_are_stored_around_their_centre() {
+    let doc = document(json!([{"mesh": 0, "translation": [1e7, 0.25, 0]}]), json!({"primitives": [surface(0)]}));
+    let scene = load(&doc);
+    let mut layout = baked(&scene);
+    let limit = 1e-6 * scene.bounds().diagonal();
+    assert_eq!(settle(&scene, &mut layout, limit), Settled { centred: 1, refused: Vec::new() });
+    let emitted = emit(&doc, &scene, &layout, false);
+    assert!(emitted.position_error <= limit, "{}", emitted.position_error);
+    let after = load(&emitted.document);
+    assert!(after.bounds().center().distance(dvec3(1e7 + 0.5, 0.75, 0.25)) < 1e-6);
+}
+
+#[test]
+fn what_cannot_be_written_out_exactly_is_refused_under_a_limit_of_zero() {
+    let doc = document(
+        json!([{"mesh": 0, "rotation": [0.1, 0.2, 0.3, 0.9]}]),
+        json!({"primitives": [surface(0)]}),
+    );
+    let scene = load(&doc);
+    let settled = settle(&scene, &mut baked(&scene), 0.0);
+    assert_eq!(settled.refused, [InstanceId(0)]);
+}

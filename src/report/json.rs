@@ -1,0 +1,10 @@
+//! Reports as JSON.
+
+use serde::Serialize;
+
+/// A report as indented JSON with a newline at its end. Numbers that are not finite become `null`.
+pub fn to_json(report: &impl Serialize) -> String {
+    let mut json = serde_json::to_string_pretty(report).expect("reports hold no maps with other keys than strings");
+    json.push('\n');
+    json
+}

@@ -1,0 +1,262 @@
+//! Reports as text for people.
+
+use std::fmt::Write;
+
+use super::{BakeReport, Finding, Input, InspectReport, Severity, Verdict};
+use crate::cost::Metrics;
+
+/// Warnings and notes that are shown without `-v`.
+const FEW: usize = 3;
+
+/// Prints an error on standard error.
+pub fn error(message: &str) {
+    eprintln!("error: {message}");
+}
+
+/// Prints a bake's report on standard error.
+pub fn bake(report: &BakeReport, verbose: bool) {
+    eprint!("{}", bake_text(report, verbose));
+}
+
+/// A bake's report as text.
+pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
+    let mut text = format!("{} -> {}\n", report.input.path.display(), report.output.display());
+    text += &input_line(&report.input);
+    text += &list("warning", &report.warnings, verbose);
+    let _ = writeln!(text, "\nmethod {} ({})", report.method.chosen, report.method.reason);
+    text += &list("note", &report.notes, verbose);
+    if verbose {
+        text += &candidates(report);
+        text += &passes(report);
+    }
+    text.push('\n');
+    text += &table(&["", "before", "after"], &comparison(report));
+    text.push('\n');
+    text += &rays(report);
+    text += &errors(report);
+    text += &seconds(report);
+    let _ = writeln!(text, "\nverdict: {}", verdict(report.verdict));
+    text
+}
+
+/// An inspection's report as text.
+pub fn inspect(report: &InspectReport) -> String {
+    let mut text = format!("{}\n", report.input.path.display());
+    text += &input_line(&report.input);
+    text += &list("warning", &report.warnings, true);
+    text.push('\n');
+    let rows: Vec<Vec<String>> = metric_rows(&report.before).map(|(name, value)| vec![name.into(), value]).into();
+    text += &table(&["", "as it is"], &rows);
+    if !report.worst_pairs.is_empty() {
+        text += "\nworst overlapping pairs (intersection over the scene's area)\n";
+        let rows: Vec<Vec<String>> = report
+            .worst_pairs
+            .iter()
+            .map(|p| vec![format!("{:.4}", p.overlap_ratio), p.a.clone(), p.b.clone()])
+            .collect();
+        text += &table(&["overlap", "object", "object"], &rows);
+    }
+    if report.findings.is_empty() {
+        text += "\nno vendor rule is broken\n";
+    } else {
+        text += "\nfindings\n";
+        text += &report.findings.iter().map(finding).collect::<String>();
+    }
+    text
+}
+
+fn input_line(input: &Input) -> String {
+    let pinned = match input.pinned_instances {
+        0 => String::new(),
+        n => format!(" ({n} pinned)"),
+    };
+    format!(
+        "{} triangles, {} vertices, {} objects, {} materials, {} nodes, {} instances{pinned}\n",
+        grouped(input.triangles),
+        grouped(input.vertices),
+        grouped(input.objects),
+        grouped(input.materials),
+        grouped(input.nodes),
+        grouped(input.instances),
+    )
+}
+
+/// One line for each message, or for the first few and a count of the rest.
+fn list(kind: &str, messages: &[String], all: bool) -> String {
+    let shown = if all { messages.len() } else { messages.len().min(FEW) };
+    let mut text: String = messages[..shown].iter().map(|m| format!("{kind}: {m}\n")).collect();
+    if shown < messages.len() {
+        let _ = writeln!(text, "{kind}: {} more (-v shows all)", messages.len() - shown);
+    }
+    text
+}
+
+fn candidates(report: &BakeReport) -> String {
+    let rows: Vec<Vec<String>> = report
+        .method
+        .candidates
+        .iter()
+        .map(|c| {
+            vec![c.name.into(), format!("{:.3}", c.predicted_cost), bytes(c.as_bytes), format!("{:.2}", c.seconds)]
+        })
+        .collect();
+    format!("\n{}", table(&["candidate", "predicted cost", "bytes", "seconds"], &rows))
+}
+
+fn passes(report: &BakeReport) -> String {
+    let line = |p: &super::Pass| {
+        let done = if p.applied { "applied" } else { "left out" };
+        format!("pass {}: {done}: {} ({:.3} s)\n", p.name, p.reason, p.seconds)
+    };
+    report.passes.iter().map(line).collect()
+}
+
+fn comparison(report: &BakeReport) -> Vec<Vec<String>> {
+    metric_rows(&report.before)
+        .into_iter()
+        .zip(metric_rows(&report.after))
+        .map(|((name, before), (_, after))| vec![name.into(), before, after])
+        .collect()
+}
+
+fn metric_rows(m: &Metrics) -> [(&'static str, String); 10] {
+    [
+        ("mesh groups (BLAS)", grouped(m.mesh_groups)),
+        ("geometries", grouped(m.geometries)),
+        ("instances (TLAS)", grouped(m.instances)),
+        ("triangles stored", grouped(m.triangles_stored)),
+        ("triangles placed", grouped(m.triangles_placed)),
+        ("overlap ratio", format!("{:.3}", m.overlap_ratio)),
+        ("SAH cost", format!("{:.2}", m.sah_cost)),
+        ("two-level cost", format!("{:.2}", m.two_level_cost)),
+        (
+            "boxes a surface point",
+            format!("{:.2} (p95 {}, max {})", m.boxes_per_point_mean, m.boxes_per_point_p95, m.boxes_per_point_max),
+        ),
+        ("predicted bytes", format!("{} + {}", bytes(m.blas_bytes), bytes(m.tlas_bytes))),
+    ]
+}
+
+fn rays(report: &BakeReport) -> String {
+    let rows: Vec<Vec<String>> = report
+        .verify
+        .kinds
+        .named()
+        .into_iter()
+        .map(|(name, k)| {
+            vec![
+                name.into(),
+                format!("{:.2}", k.before_mrays_per_s),
+                format!("{:.2}", k.after_mrays_per_s),
+                format!("{:.2} +- {:.2}", k.speedup_ratio, k.spread_ratio),
+            ]
+        })
+        .collect();
+    let heading = format!("Mrays/s on {}", report.verify.device);
+    table(&[&heading, "before", "after", "ratio"], &rows)
+}
+
+fn errors(report: &BakeReport) -> String {
+    let v = &report.verify;
+    format!(
+        "{} rays, {} hits, {} mismatches, {} far hits; distance error at most {:.1e} (rms {:.1e}), position error {:.1e} of the diagonal\n",
+        grouped(v.rays),
+        grouped(v.hits),
+        grouped(v.mismatches),
+        grouped(v.far_hits),
+        v.max_relative_distance_error,
+        v.rms_relative_distance_error,
+        v.position_error_ratio,
+    )
+}
+
+fn seconds(report: &BakeReport) -> String {
+    let s = &report.seconds;
+    let memory = report.peak_memory_bytes.map(|b| format!("; peak memory {}", bytes(b))).unwrap_or_default();
+    format!(
+        "seconds: read {:.2}, analyse {:.2}, optimise {:.2}, write {:.2}, verify {:.2}, total {:.2}{memory}\n",
+        s.read, s.analyse, s.optimise, s.write, s.verify, s.total
+    )
+}
+
+fn verdict(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Faster => "faster",
+        Verdict::NotFaster => "not faster: restructured as asked, but no gain beyond the spread",
+        Verdict::LeftAlone => "left alone",
+        Verdict::Failed => "failed: no file was written",
+    }
+}
+
+fn finding(f: &Finding) -> String {
+    let severity = match f.severity {
+        Severity::Info => "info",
+        Severity::Warning => "warning",
+        Severity::Error => "error",
+    };
+    let object = if f.object.is_empty() { String::new() } else { format!("`{}`: ", f.object) };
+    format!("{} {severity}: {object}{}\n", f.rule, f.message)
+}
+
+/// Columns as wide as their widest cell; the first flush left, the others flush right.
+fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|r| r[column].chars().count());
+        cells.chain([heading[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..heading.len()).map(width).collect();
+    let line = |cells: Vec<&str>| {
+        let padded = cells.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
+            if column == 0 { format!("{cell:<width$}") } else { format!("  {cell:>width$}") }
+        });
+        format!("{}\n", padded.collect::<String>().trim_end())
+    };
+    let body = rows.iter().map(|r| line(r.iter().map(String::as_str).collect()));
+    std::iter::once(line(heading.to_vec())).chain(body).collect()
+}
+
+/// A number with its digits in groups of three.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A size in binary units.
+fn bytes(size: u64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let mut value = size as f64;
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < units.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{size} B") } else { format!("{value:.1} {}", units[unit]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_stand_in_groups_of_three() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
+    }
+
+    #[test]
+    fn sizes_use_the_largest_unit_below_them() {
+        assert_eq!([0, 1023, 1024, 3 << 29].map(bytes), ["0 B", "1023 B", "1.0 KiB", "1.5 GiB"]);
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let rows = vec![vec!["a".into(), "1".into()], vec!["long".into(), "22".into()]];
+        assert_eq!(table(&["x", "before"], &rows), "x     before\na          1\nlong      22\n");
+    }
+}
