@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::bake::measure_as_is;
 use crate::cost::overlap::{self, Pair};
-use crate::report::{self, InspectReport, Input, OverlappingPair};
+use crate::report::{self, Input, InspectReport, OverlappingPair};
 use crate::scene::{self, Bounds, Instance, LoadOptions, Mesh, Scene};
 
 /// Pairs that are listed.
