@@ -22,6 +22,27 @@ pub enum Quality {
     Fast,
     /// For a cost, and for tracing.
     Medium,
+    /// For a cost, with one item in each leaf, as a TLAS holds instances.
+    Instances,
+}
+
+impl Quality {
+    /// How the tree is clustered, optimised, and collapsed into leaves.
+    fn params(self) -> BvhBuildParams {
+        match self {
+            Quality::Fast => BvhBuildParams::very_fast_build(),
+            Quality::Medium => BvhBuildParams::medium_build(),
+            Quality::Instances => BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() },
+        }
+    }
+
+    /// Items of a leaf among boxes that cannot be told apart.
+    fn equal_leaf(self) -> usize {
+        match self {
+            Quality::Fast | Quality::Medium => 4,
+            Quality::Instances => 1,
+        }
+    }
 }
 
 /// A node of a [`Tree`].
@@ -74,6 +95,19 @@ impl Tree {
         build_over(boxes, (0..boxes.len() as u32).collect(), quality)
     }
 
+    /// Builds a tree over those boxes that are not empty and small enough for areas to be finite; item `i` is
+    /// `boxes[i]`, and `order` lacks the others.
+    pub fn build_usable(boxes: &[Bounds], quality: Quality) -> Tree {
+        let usable = |b: &Bounds| !b.is_empty() && b.min.abs().max(b.max.abs()).max_element() < LARGEST;
+        build_over(boxes, (0..boxes.len() as u32).filter(|&i| usable(&boxes[i as usize])).collect(), quality)
+    }
+
+    /// The box around the items below every node, given the boxes of all items; parallel to `nodes`.
+    pub fn bounds(&self, boxes: &[Bounds]) -> Vec<Bounds> {
+        let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+        self.refit(around, Bounds::union)
+    }
+
     /// Computes a value for every node from the bottom up, such as its box: `leaf` from the items of a leaf (in
     /// tree order), `join` from the values of two children. The result runs parallel to `nodes`.
     pub fn refit<T: Clone>(&self, mut leaf: impl FnMut(&[u32]) -> T, mut join: impl FnMut(&T, &T) -> T) -> Vec<T> {
@@ -114,8 +148,8 @@ impl Tree {
 
 /// More boxes than this in one Morton cell are clustered apart.
 const CROWD: usize = 64;
-/// Items of a leaf among equal boxes.
-const EQUAL_LEAF: usize = 4;
+/// Coordinates below this have finite products.
+const LARGEST: f64 = 1e150;
 
 /// What a tree is built over: a box, or many boxes with a tree of their own.
 enum Item {
@@ -138,7 +172,7 @@ fn build_over(boxes: &[Bounds], members: Vec<u32>, quality: Quality) -> Tree {
     if let [crowd] = crowds.as_slice()
         && crowd.len() == members.len()
     {
-        return halved(members);
+        return halved(members, quality.equal_leaf());
     }
     let mut item_bounds: Vec<Bounds> = items.iter().map(|&i| boxes[i as usize]).collect();
     item_bounds.extend(crowds.iter().map(|c| bounds_of(c)));
@@ -174,11 +208,11 @@ fn crowded_cells(boxes: &[Bounds], members: &[u32]) -> (Vec<u32>, Vec<Vec<u32>>)
 }
 
 /// A balanced tree over boxes that cannot be told apart.
-fn halved(members: Vec<u32>) -> Tree {
+fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
     let mut tree = Tree { nodes: vec![Node { first: 0, count: 0 }], order: Vec::new() };
     let mut stack = vec![(0..members.len(), 0)];
     while let Some((range, to)) = stack.pop() {
-        if range.len() <= EQUAL_LEAF {
+        if range.len() <= leaf_items {
             tree.nodes[to] = Node { first: range.start as u32, count: range.len() as u32 };
         } else {
             let middle = range.start + range.len() / 2;
@@ -192,11 +226,7 @@ fn halved(members: Vec<u32>) -> Tree {
 
 /// The tree of locally ordered clustering, with the trees of crowds grafted in.
 fn cluster(items: &[Item], bounds: &[Bounds], all: &Bounds, quality: Quality) -> Tree {
-    let params = match quality {
-        Quality::Fast => BvhBuildParams::very_fast_build(),
-        Quality::Medium => BvhBuildParams::medium_build(),
-    };
-    let bvh = build_bvh2(&in_unit_cube(bounds, all), params, &mut Duration::default());
+    let bvh = build_bvh2(&in_unit_cube(bounds, all), quality.params(), &mut Duration::default());
     let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.len()) };
     if bvh.nodes.is_empty() {
         return tree;
@@ -268,8 +298,8 @@ fn singles(list: &[u32], items: &[Item]) -> Option<Vec<u32>> {
 /// builder's single precision.
 fn in_unit_cube(boxes: &[Bounds], all: &Bounds) -> Vec<Boxed> {
     let center = all.center();
-    let extent = all.size().max_element();
-    let scale = if extent > 0.0 { 1.0 / extent } else { 0.0 };
+    let scale = 1.0 / all.size().max_element();
+    let scale = if scale.is_finite() { scale } else { 0.0 };
     let point = |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
     boxes.iter().map(|b| Boxed(Aabb::new(point(b.min), point(b.max)))).collect()
 }
@@ -341,18 +371,43 @@ mod tests {
         let tree = Tree::build(&boxes, Quality::Medium);
         assert_each_item_once(&tree, boxes.len());
         assert!(tree.depth() < 96, "depth {}", tree.depth());
-        let areas = tree
-            .refit(|items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])), |a, b| a.union(b));
-        let small = areas.iter().filter(|b| b.size().max_element() < 16.0).count();
+        let small = tree.bounds(&boxes).iter().filter(|b| b.size().max_element() < 16.0).count();
         assert!(small > 20_000, "only {small} small nodes");
+    }
+
+    #[test]
+    fn each_instance_has_its_own_leaf() {
+        let mut boxes = unit_boxes((0..300).map(|i| dvec3((i % 7) as f64, (i % 11) as f64, 0.0)));
+        boxes.extend(unit_boxes([dvec3(0.5, 0.5, 0.5); 200]));
+        let tree = Tree::build(&boxes, Quality::Instances);
+        assert_each_item_once(&tree, boxes.len());
+        assert!(tree.nodes.iter().all(|n| n.count <= 1));
+        assert_eq!(tree.nodes.len(), 2 * boxes.len() - 1);
+    }
+
+    #[test]
+    fn boxes_beyond_measure_are_left_out() {
+        let mut boxes = unit_boxes((0..10).map(|i| dvec3(i as f64, 0.0, 0.0)));
+        boxes[3] = Bounds::EMPTY;
+        boxes[5].max.y = f64::INFINITY;
+        boxes[6].min.z = f64::NAN;
+        boxes[8] = Bounds { min: DVec3::splat(-1e300), max: DVec3::splat(1e300) };
+        let mut order = Tree::build_usable(&boxes, Quality::Instances).order;
+        order.sort_unstable();
+        assert_eq!(order, [0, 1, 2, 4, 7, 9]);
+    }
+
+    #[test]
+    fn boxes_of_the_smallest_sizes_give_a_tree() {
+        let tiny = |i: u32| Bounds { min: DVec3::ZERO, max: DVec3::splat(f64::from(i) * 5e-324) };
+        let boxes: Vec<Bounds> = (0..100).map(tiny).collect();
+        assert_each_item_once(&Tree::build(&boxes, Quality::Medium), boxes.len());
     }
 
     #[test]
     fn refit_bounds_every_item() {
         let boxes = unit_boxes((0..500).map(|i| dvec3((i % 23) as f64, (i % 17) as f64, (i % 5) as f64)));
         let tree = Tree::build(&boxes, Quality::Medium);
-        let bounds = tree
-            .refit(|items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])), |a, b| a.union(b));
-        assert_eq!(bounds[0], boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b)));
+        assert_eq!(tree.bounds(&boxes)[0], boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b)));
     }
 }

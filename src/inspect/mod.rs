@@ -21,7 +21,8 @@ pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, rayk
     let (scene, warnings) = scene::load(&doc, options)?;
     let boxes = instance_boxes(&scene);
     let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
-    let worst_pairs = worst_pairs(&boxes, all.area()).into_iter().map(|p| named(&scene, &p, all.area())).collect();
+    let worst_pairs: Vec<OverlappingPair> =
+        worst_pairs(&boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
     Ok(InspectReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),

@@ -2,6 +2,6 @@
 use super::{Layout, Options};
 use crate::scene::Scene;
 
-pub(super) fn bvh(_scene: &Scene, _options: &Options) -> Layout {
-    todo!()
+pub(super) fn bvh(scene: &Scene, options: &Options) -> Layout {
+    super::per_object::per_object(scene, options)
 }
