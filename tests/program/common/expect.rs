@@ -21,6 +21,9 @@ pub(crate) struct Expectation {
     scene: String,
     pub(crate) input: BTreeMap<String, Number>,
     pub(crate) before: BTreeMap<String, Number>,
+    /// Area of the surfaces by name of their material.
+    #[serde(default)]
+    pub(crate) areas: BTreeMap<String, Number>,
     pub(crate) bake: Vec<Bake>,
 }
 
@@ -37,7 +40,7 @@ pub(crate) struct Bake {
     pub(crate) unchanged: bool,
     #[serde(default)]
     pub(crate) after: BTreeMap<String, Number>,
-    /// Triangles of every mesh of the output, in ascending order.
+    /// Triangles of every mesh that a node of the output places, in ascending order.
     pub(crate) group_triangles: Option<Vec<usize>>,
 }
 

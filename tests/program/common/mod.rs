@@ -5,7 +5,7 @@ mod files;
 mod program;
 mod surface;
 
-pub(crate) use expect::{Bake, Expectation, Number, Sample, samples};
+pub(crate) use expect::{Bake, Number, Sample, samples};
 pub(crate) use files::{folder_names, glb, gltf, triangle, write};
 pub(crate) use program::{METHODS, Ran, bake, raykiln};
 pub(crate) use surface::{Surface, json_of};

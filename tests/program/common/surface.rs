@@ -77,6 +77,13 @@ impl Surface {
             assert!((0..3).any(turned), "corners of {origin:?}");
         }
     }
+
+    /// The area of all triangles of a material.
+    pub(crate) fn area(&self, material: usize) -> f64 {
+        let of = self.triangles.values().filter(|t| t.material == Some(material as u64));
+        let doubled = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        of.map(|t| 0.5 * doubled(t.corners.map(|c| c.position))).sum()
+    }
 }
 
 impl Corner {
@@ -210,11 +217,11 @@ impl File<'_> {
 }
 
 fn component(kind: usize, bytes: &[u8]) -> f64 {
-    match (kind, *bytes) {
-        (5121, [a]) => f64::from(a),
-        (5123, [a, b]) => f64::from(u16::from_le_bytes([a, b])),
-        (5125, [a, b, c, d]) => f64::from(u32::from_le_bytes([a, b, c, d])),
-        (5126, [a, b, c, d]) => f64::from(f32::from_le_bytes([a, b, c, d])),
+    match (kind, bytes) {
+        (5121, &[a]) => f64::from(a),
+        (5123, &[a, b]) => f64::from(u16::from_le_bytes([a, b])),
+        (5125, &[a, b, c, d]) => f64::from(u32::from_le_bytes([a, b, c, d])),
+        (5126, &[a, b, c, d]) => f64::from(f32::from_le_bytes([a, b, c, d])),
         _ => panic!("no component of type {kind} is read"),
     }
 }
