@@ -1,7 +1,7 @@
 //! Images of an output: embedded, copied beside it, or left where they are.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use bytes::Bytes;
 use serde_json::Value;
@@ -96,7 +96,7 @@ impl<'a> Images<'a> {
             let literal = file == uri::folder_of(&self.doc.path).join(uri);
             let wanted = if literal { uri } else { name };
             let copy = self.copy(&file, wanted, staged)?;
-            if copy != wanted {
+            if plain(&copy) != plain(wanted) {
                 image["uri"] = uri::encode(&copy).into();
             }
         }
@@ -120,7 +120,7 @@ impl<'a> Images<'a> {
         if let Some(name) = self.copied.get(file) {
             return Ok(name.clone());
         }
-        let name = match uri::stays_inside(wanted) && self.taken.insert(normal(wanted)) {
+        let name = match uri::stays_inside(wanted) && self.taken.insert(caseless(wanted)) {
             true => wanted.to_owned(),
             false => self.free_name(file),
         };
@@ -138,14 +138,21 @@ impl<'a> Images<'a> {
             _ => format!("{stem}_{i}.{extension}"),
         });
         let taken = &mut self.taken;
-        names.map(|name| name.trim_end_matches('.').to_owned()).find(|name| taken.insert(normal(name))).unwrap_or(stem)
+        names
+            .map(|name| name.trim_end_matches('.').to_owned())
+            .find(|name| taken.insert(caseless(name)))
+            .unwrap_or(stem)
     }
 }
 
-/// A relative name for comparison: lower case, for file systems that do not tell cases apart, and without `./`.
-fn normal(name: &str) -> String {
-    let path: PathBuf = Path::new(name).components().filter(|c| *c != std::path::Component::CurDir).collect();
-    path.to_string_lossy().to_lowercase()
+/// A relative name without `./`.
+fn plain(name: &str) -> PathBuf {
+    Path::new(name).components().filter(|c| *c != Component::CurDir).collect()
+}
+
+/// A relative name for file systems that do not tell cases apart.
+fn caseless(name: &str) -> String {
+    plain(name).to_string_lossy().to_lowercase()
 }
 
 /// An image of a buffer view in place of its URI.
