@@ -1,6 +1,6 @@
 //! What goes in comes out: `keep`, and the way from one kind of file to the other and back.
 
-use crate::common::{bake, json_of, samples};
+use crate::common::{bake, folder_names, json_of, samples};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -88,14 +88,35 @@ fn an_image_beside_the_file_goes_along() {
 }
 
 #[test]
-fn a_baked_file_baked_again_is_left_alone() {
+fn a_file_may_be_baked_onto_itself() {
+    let sample = samples().into_iter().find(|s| s.name == "textured").expect("the sample is there");
+    let folder = TempDir::new().unwrap();
+    let [elsewhere, itself] = ["elsewhere", "itself"].map(|name| folder.path().join(name));
+    for path in [&elsewhere, &itself] {
+        fs::create_dir(path).unwrap();
+    }
+    for file in ["scene.gltf", "scene.bin", "brick wall.png"] {
+        fs::copy(sample.scene.with_file_name(file), itself.join(file)).unwrap();
+    }
+    bake(&sample.scene, &elsewhere.join("scene.gltf"), &["--method", "single"]);
+    bake(&itself.join("scene.gltf"), &itself.join("scene.gltf"), &["--method", "single"]);
+    for name in folder_names(&elsewhere) {
+        assert!(fs::read(elsewhere.join(&name)).unwrap() == fs::read(itself.join(&name)).unwrap(), "{name}");
+    }
+    assert_eq!(folder_names(&elsewhere), folder_names(&itself));
+}
+
+#[test]
+fn a_baked_file_baked_again_has_the_same_structure() {
     for method in ["single", "overlap"] {
         for sample in samples() {
             let folder = TempDir::new().unwrap();
             let [once, twice] = ["once.glb", "twice.glb"].map(|name| folder.path().join(name));
-            bake(&sample.scene, &once, &["--method", method]);
-            bake(&once, &twice, &["--method", method]);
-            assert!(fs::read(&once).unwrap() == fs::read(&twice).unwrap(), "{} {method}", sample.name);
+            let first = bake(&sample.scene, &once, &["--method", method]);
+            let second = bake(&once, &twice, &["--method", method]);
+            for metric in ["mesh_groups", "geometries", "instances", "triangles_stored", "overlap_ratio"] {
+                assert_eq!(first["after"][metric], second["after"][metric], "{} {method}: {metric}", sample.name);
+            }
         }
     }
 }

@@ -48,7 +48,9 @@ fn check(name: &str) {
         let output = output_path(&sample, &folder, i);
         let report = bake(&sample.scene, &output, &expected.arguments());
         let what = format!("{name} {:?}", expected.arguments());
-        compare(&what, &report["input"], &sample.expectation.input);
+        let mut input = sample.expectation.input.clone();
+        input.extend(expected.input.clone());
+        compare(&what, &report["input"], &input);
         compare(&what, &report["before"], &sample.expectation.before);
         compare(&what, &report["after"], &expected.after);
         check_verdict(&what, &report, expected);

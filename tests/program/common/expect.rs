@@ -38,6 +38,9 @@ pub(crate) struct Bake {
     /// The layout is the input's; where the kind of file is too, so is every byte.
     #[serde(default)]
     pub(crate) unchanged: bool,
+    /// What `input` has other than without the arguments.
+    #[serde(default)]
+    pub(crate) input: BTreeMap<String, Number>,
     #[serde(default)]
     pub(crate) after: BTreeMap<String, Number>,
     /// Triangles of every mesh that a node of the output places, in ascending order.
