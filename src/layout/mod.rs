@@ -8,6 +8,7 @@ mod keep;
 mod order;
 mod overlap;
 mod per_object;
+mod pieces;
 mod single;
 #[cfg(test)]
 mod test_scenes;
