@@ -1,187 +1,461 @@
-//! `overlap`.
+//! `overlap`: splits and merges objects until their boxes overlap little.
+//!
+//! T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical University in Prague, 2024, listing 4.1: in every
+//! round a queue of all pairs that overlap, the largest overlap first. What becomes of a pair depends on the area of its
+//! overlap over the area of the box around both: little, both are split in the middle; more, both are split
+//! at the overlap and the parts inside it merge; most of it, both merge. No object takes part twice in a round.
+//!
+//! Helps where objects are hollow or pierce each other; hurts where long triangles stick out of every piece.
+//!
+//! Where the thesis leaves a choice, or its letter raises the overlap or goes round in circles:
+//! - Objects that merge form a mesh group in which each keeps its material. Such a group is never divided again.
+//!   Since objects can only be divided as often as they have triangles, and only merge as often as there are objects,
+//!   the rounds come to an end.
+//! - An object that cannot be divided (a mesh group, one of few triangles, one whose centroids are all equal) takes
+//!   part undivided: in the middle branch all of it merges with what the other object has inside the overlap. A pair
+//!   of two such objects is passed over unless they merge.
+//! - An object with all triangles or none inside the overlap is split in the middle, and nothing of it merges.
+//! - The layout of the round with the least overlap wins, so that no scene ends with more than it began with.
+//!
+//! Overlaps are held against the box of the whole scene, and the ratio counts instances that stay as they are.
 
 use super::builder::Builder;
 use super::instancing::bake_within_limits;
-use super::pieces::{Extent, Item, Piece, Pieces};
+use super::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
 use super::{Layout, Options};
 use crate::cost::overlap;
 use crate::scene::{Bounds, Scene};
 
+/// Rounds after which the best layout so far is taken. Scenes of a thousand objects take about a hundred.
+const MOST_ROUNDS: usize = 256;
+
+/// Pairs that one round may queue; where more could be found, only the objects with the largest boxes take part.
+const MOST_PAIRS: usize = 1 << 23;
+
+/// As many objects cannot form more than [`MOST_PAIRS`] pairs.
+const FEW_OBJECTS: usize = 1 << 12;
+
+/// Splits and merges objects to lower the overlap ratio.
 pub(super) fn overlap(scene: &Scene, options: &Options) -> Layout {
     bake_within_limits(scene, options, |selection| {
         let mut layout = Builder::new(scene);
         selection.left().for_each(|instance| layout.keep(instance));
-        let pieces = Pieces::new(scene, selection);
-        let mut r = Reduction::new(pieces, options);
-        r.run();
-        let groups: Vec<Vec<Piece>> = r.best.iter().map(|&i| r.bodies[i as usize].parts.clone()).collect();
-        r.pieces.emit(&groups, &mut layout);
+        let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
+        let groups = reduction.least_overlap();
+        reduction.pieces.emit(&groups, &mut layout);
         layout.finish()
     })
 }
 
-#[derive(Clone)]
+/// An object, a part of one, or a mesh group.
+#[derive(Clone, Debug)]
 struct Body {
-    parts: Vec<Piece>,
+    /// What it consists of; more than one piece only in a mesh group.
+    pieces: Vec<Piece>,
     bounds: Bounds,
-    triangles: usize,
-    splittable: bool,
+    divisible: bool,
 }
 
+/// The state of the scene between rounds.
 struct Reduction<'a> {
     pieces: Pieces<'a>,
     options: &'a Options,
+    /// All bodies there ever were.
     bodies: Vec<Body>,
-    live: Vec<u32>,
-    best: Vec<u32>,
-    best_ratio: f64,
+    /// Those that make up the scene now.
+    live: Vec<usize>,
+}
+
+/// Two bodies to be processed.
+struct Task {
+    /// Indices into [`Reduction::live`].
+    places: [usize; 2],
+    /// Surface area of what their boxes have in common.
+    area: f64,
 }
 
 impl<'a> Reduction<'a> {
     fn new(pieces: Pieces<'a>, options: &'a Options) -> Self {
-        let bodies: Vec<Body> = pieces
-            .whole()
-            .into_iter()
-            .map(|(p, bounds)| Body { parts: vec![p], bounds, triangles: p.len(), splittable: p.len() > options.min_triangles })
-            .collect();
-        let live: Vec<u32> = (0..bodies.len() as u32).collect();
-        Reduction { pieces, options, best: live.clone(), live, bodies, best_ratio: f64::INFINITY }
+        let divisible = |piece: Piece| piece.len() > options.min_triangles;
+        let body = |(piece, bounds)| Body { pieces: vec![piece], bounds, divisible: divisible(piece) };
+        let bodies: Vec<Body> = pieces.whole().into_iter().map(body).collect();
+        Reduction { pieces, options, live: (0..bodies.len()).collect(), bodies }
     }
 
-    fn run(&mut self) {
-        let o = self.options;
-        for round in 0..200 {
-            let boxes: Vec<Bounds> = self.live.iter().map(|&i| self.bodies[i as usize].bounds).collect();
-            let all: Vec<Bounds> = boxes.iter().chain(&self.pieces.others).copied().collect();
-            let ratio = overlap::ratio(&all);
-            let mut pairs = overlap::pairs(&boxes, o.skip_overlap_ratio * self.pieces.scene_area);
-            pairs.sort_by(|a, b| b.area.total_cmp(&a.area));
-            if ratio < self.best_ratio {
-                self.best_ratio = ratio;
-                self.best = self.live.clone();
+    /// Runs the rounds; gives the pieces of each body of the best one.
+    fn least_overlap(&mut self) -> Vec<Vec<Piece>> {
+        let (mut best, mut least) = (self.live.clone(), f64::INFINITY);
+        for _ in 0..MOST_ROUNDS {
+            let ratio = self.overlap_ratio();
+            if ratio < least {
+                (best, least) = (self.live.clone(), ratio);
             }
-            let mut dirty = vec![false; boxes.len()];
-            let mut next = Vec::new();
-            let mut counts = [0; 3];
-            for pair in &pairs {
-                let (a, b) = (pair.a as usize, pair.b as usize);
-                if dirty[a] || dirty[b] {
-                    continue;
-                }
-                let union = boxes[a].union(&boxes[b]).area();
-                let pr = pair.area / union;
-                let (ia, ib) = (self.live[a], self.live[b]);
-                if pr < o.split_or_merge_ratio {
-                    if pr < o.split_ratio {
-                        let sa = self.split(ia);
-                        let sb = self.split(ib);
-                        if sa.is_none() && sb.is_none() {
-                            continue;
-                        }
-                        counts[0] += sa.is_some() as usize + sb.is_some() as usize;
-                        next.extend(sa.unwrap_or(vec![ia]));
-                        next.extend(sb.unwrap_or(vec![ib]));
-                    } else {
-                        let inside = boxes[a].intersection(&boxes[b]);
-                        let sa = self.split_at(ia, &inside).or_else(|| self.split(ia).map(|v| (v, false)));
-                        let sb = self.split_at(ib, &inside).or_else(|| self.split(ib).map(|v| (v, false)));
-                        if sa.is_none() && sb.is_none() {
-                            continue;
-                        }
-                        counts[1] += 1;
-                        let mut merged = vec![];
-                        let v2 = std::env::var("V2").is_ok() && (sa.as_ref().is_some_and(|x| x.1) || sb.as_ref().is_some_and(|x| x.1));
-                        for (s, i) in [(sa, ia), (sb, ib)] {
-                            match s {
-                                None if v2 => merged.push(i),
-                                None => next.push(i),
-                                Some((v, true)) => { merged.push(v[0]); next.push(v[1]); }
-                                Some((v, false)) => next.extend(v),
-                            }
-                        }
-                        if merged.len() == 2 {
-                            next.push(self.merge(merged[0], merged[1]));
-                        } else { next.extend(merged); }
-                    }
-                } else {
-                    counts[2] += 1;
-                    let m = self.merge(ia, ib);
-                    next.push(m);
-                }
-                dirty[a] = true;
-                dirty[b] = true;
-            }
-            if std::env::var("PROBE").is_ok() {
-                eprintln!("round {round}: objects {} ratio {ratio:.4} pairs {} split {} sm {} merge {}", boxes.len(), pairs.len(), counts[0], counts[1], counts[2]);
-            }
-            if next.is_empty() || ratio < o.termination_overlap_ratio {
+            if ratio < self.options.termination_overlap_ratio || !self.round(ratio) {
                 break;
             }
-            let mut live: Vec<u32> = self.live.iter().enumerate().filter(|(k, _)| !dirty[*k]).map(|(_, &i)| i).collect();
-            live.extend(next);
-            self.live = live;
+        }
+        best.into_iter().map(|body| self.bodies[body].pieces.clone()).collect()
+    }
+
+    fn overlap_ratio(&self) -> f64 {
+        let live = self.live.iter().map(|&body| self.bodies[body].bounds);
+        overlap::ratio(&live.chain(self.pieces.others.iter().copied()).collect::<Vec<_>>())
+    }
+
+    /// One pass through the queue; whether anything changed.
+    fn round(&mut self, overlap_ratio: f64) -> bool {
+        let mut dirty = vec![false; self.live.len()];
+        let mut successors = Vec::new();
+        for Task { places, area } in self.queue(overlap_ratio) {
+            if places.iter().any(|&place| dirty[place]) {
+                continue;
+            }
+            if let Some(new) = self.process(places.map(|place| self.live[place]), area) {
+                places.iter().for_each(|&place| dirty[place] = true);
+                successors.extend(new);
+            }
+        }
+        let mut place = 0..self.live.len();
+        self.live.retain(|_| place.next().is_some_and(|place| !dirty[place]));
+        self.live.extend(&successors);
+        !successors.is_empty()
+    }
+
+    /// The pairs that overlap enough, the largest overlap first, then in the order of the bodies.
+    fn queue(&self, overlap_ratio: f64) -> Vec<Task> {
+        let min_ratio = self.options.skip_overlap_ratio;
+        let bounds_at = |place: usize| self.bodies[self.live[place]].bounds;
+        let mut places: Vec<usize> = (0..self.live.len()).collect();
+        // No more pairs than this can each have their share of the overlap.
+        let pairs_at_most = overlap_ratio / min_ratio;
+        if places.len() > FEW_OBJECTS && !(pairs_at_most <= MOST_PAIRS as f64) {
+            places.sort_by(|&a, &b| bounds_at(b).area().total_cmp(&bounds_at(a).area()));
+            places.truncate(FEW_OBJECTS);
+            places.sort_unstable();
+        }
+        let boxes: Vec<Bounds> = places.iter().map(|&place| bounds_at(place)).collect();
+        let mut pairs = overlap::pairs(&boxes, min_ratio * self.pieces.scene_area);
+        pairs.sort_by(|a, b| b.area.total_cmp(&a.area));
+        let task = |pair: overlap::Pair| Task { places: [pair.a, pair.b].map(|i| places[i as usize]), area: pair.area };
+        pairs.into_iter().map(task).collect()
+    }
+
+    /// What two overlapping bodies become; `None` if they stay as they are.
+    fn process(&mut self, pair: [usize; 2], area: f64) -> Option<Vec<usize>> {
+        let [a, b] = pair.map(|body| self.bodies[body].bounds);
+        let pair_overlap_ratio = area / a.union(&b).area();
+        if pair_overlap_ratio >= self.options.split_or_merge_ratio {
+            Some(vec![self.merge(pair)])
+        } else if pair_overlap_ratio < self.options.split_ratio {
+            self.split_both(pair)
+        } else {
+            self.split_and_merge(pair, &a.intersection(&b))
         }
     }
 
-    fn push(&mut self, parts: Vec<Piece>) -> u32 {
-        let ext = parts.iter().fold(Extent::EMPTY, |e, &p| e.union(&Extent::of(self.pieces.items(p))));
-        let triangles = parts.iter().map(|p| p.len()).sum();
-        self.bodies.push(Body { parts, bounds: ext.bounds(), triangles, splittable: triangles > self.options.min_triangles });
-        self.bodies.len() as u32 - 1
+    fn split_both(&mut self, pair: [usize; 2]) -> Option<Vec<usize>> {
+        let halves = pair.map(|body| self.split_in_the_middle(body));
+        halves.iter().any(Option::is_some).then(|| {
+            let after = |(body, halves): (usize, Option<[usize; 2]>)| halves.map_or(vec![body], Vec::from);
+            pair.into_iter().zip(halves).flat_map(after).collect()
+        })
     }
 
-    fn divide(&mut self, i: u32, f: impl Fn(&Item) -> bool + Copy) -> Option<Vec<u32>> {
-        let parts = self.bodies[i as usize].parts.clone();
-        let (mut l, mut r) = (vec![], vec![]);
-        for p in parts {
-            let [a, b] = self.pieces.divide(p, f);
-            if a.len() > 0 { l.push(a); }
-            if b.len() > 0 { r.push(b); }
+    fn split_and_merge(&mut self, pair: [usize; 2], common: &Bounds) -> Option<Vec<usize>> {
+        let [a, b] = pair.map(|body| self.cut(body, common));
+        if a.outside.is_empty() && b.outside.is_empty() {
+            return None;
         }
-        if l.is_empty() || r.is_empty() { return None; }
-        Some(vec![self.push(l), self.push(r)])
-    }
-
-    fn split(&mut self, i: u32) -> Option<Vec<u32>> {
-        let body = self.bodies[i as usize].clone();
-        if !body.splittable { return None; }
-        for &p in &body.parts { self.pieces.load(p); }
-        let mode = std::env::var("SPLIT").unwrap_or_default();
-        let cext = body.parts.iter().fold(Extent::EMPTY, |e, &p| e.union(&Extent::of_centroids(self.pieces.items(p))));
-        let ext = body.parts.iter().fold(Extent::EMPTY, |e, &p| e.union(&Extent::of(self.pieces.items(p))));
-        let pick = |e: &Extent| {
-            let s = e.size();
-            let ax = if s.x >= s.y && s.x >= s.z { 0 } else if s.y >= s.z { 1 } else { 2 };
-            (ax, 0.5 * (e.min[ax] + e.max[ax]))
+        let inside = match (a.inside, b.inside) {
+            (Some(a), Some(b)) => vec![self.merge([a, b])],
+            (a, b) => a.into_iter().chain(b).collect(),
         };
-        if mode != "c" {
-            let (ax, at) = pick(&ext);
-            let r = self.divide(i, |it| it.centroid[ax] < at);
-            if r.is_some() { return r; }
+        Some([inside, a.outside, b.outside].concat())
+    }
+
+    /// Joins two bodies to a mesh group.
+    fn merge(&mut self, pair: [usize; 2]) -> usize {
+        let [a, b] = pair.map(|body| self.baked_bounds(body));
+        let pieces = pair.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
+        self.push(Body { pieces, bounds: a.union(&b), divisible: false })
+    }
+
+    /// The box of a body once it cannot stay as it is in the input.
+    fn baked_bounds(&self, body: usize) -> Bounds {
+        match *self.bodies[body].pieces {
+            [object] if self.pieces.is_whole(object) => self.pieces.baked_bounds(object),
+            _ => self.bodies[body].bounds,
         }
-        let (ax, at) = pick(&cext);
-        let r = self.divide(i, |it| it.centroid[ax] < at);
-        if r.is_none() { self.bodies[i as usize].splittable = false; }
-        r
     }
 
-    fn split_at(&mut self, i: u32, inside: &Bounds) -> Option<(Vec<u32>, bool)> {
-        let body = self.bodies[i as usize].clone();
-        if !body.splittable { return None; }
-        for &p in &body.parts { self.pieces.load(p); }
-        let (mn, mx) = (inside.min.as_vec3(), inside.max.as_vec3());
-        self.divide(i, |it| it.centroid.cmpge(mn).all() && it.centroid.cmple(mx).all()).map(|v| (v, true))
+    /// Divides a body into what lies inside a box and what lies outside.
+    fn cut(&mut self, body: usize, common: &Bounds) -> Cut {
+        let [min, max] = [common.min, common.max].map(|p| self.pieces.from_middle(p));
+        let is_inside = |item: &Item| item.centroid.cmpge(min).all() && item.centroid.cmple(max).all();
+        if let Some([inside, outside]) = self.divide(body, is_inside) {
+            Cut { inside: Some(inside), outside: vec![outside] }
+        } else if let Some(halves) = self.split_in_the_middle(body) {
+            Cut { inside: None, outside: halves.to_vec() }
+        } else {
+            Cut { inside: Some(body), outside: Vec::new() }
+        }
     }
 
-    fn merge(&mut self, a: u32, b: u32) -> u32 {
-        let (a, b) = (self.bodies[a as usize].clone(), self.bodies[b as usize].clone());
-        let triangles = a.triangles + b.triangles;
-        self.bodies.push(Body {
-            parts: [a.parts, b.parts].concat(),
-            bounds: a.bounds.union(&b.bounds),
-            triangles,
-            splittable: triangles > self.options.min_triangles && std::env::var("FREEZE").is_err(),
+    /// Divides a body at the middle of the longest edge of its box, or of the box of its centroids if they all lie on one
+    /// side; `None` if it cannot be divided, which is remembered.
+    fn split_in_the_middle(&mut self, body: usize) -> Option<[usize; 2]> {
+        let piece = self.divisible_piece(body)?;
+        let bounds = bounds_of(self.pieces.items(piece));
+        let axis = longest_axis(&bounds);
+        let middle = self.pieces.from_middle(bounds.center())[axis];
+        let halves = self.divide(body, |item| item.centroid[axis] < middle).or_else(|| {
+            let centroids = centroid_bounds(self.pieces.items(piece));
+            let axis = longest_axis(&centroids);
+            let middle = centroids.center()[axis];
+            self.divide(body, |item| f64::from(item.centroid[axis]) <= middle)
         });
-        self.bodies.len() as u32 - 1
+        self.bodies[body].divisible = halves.is_some();
+        halves
+    }
+
+    /// Divides a body into the triangles for which `is_first` holds and the others; `None` if it must not be divided or
+    /// if one of them would be empty.
+    fn divide(&mut self, body: usize, is_first: impl Fn(&Item) -> bool) -> Option<[usize; 2]> {
+        let piece = self.divisible_piece(body)?;
+        let parts = self.pieces.divide(piece, is_first);
+        parts.iter().all(|part| part.len() > 0).then(|| {
+            parts.map(|part| {
+                let bounds = self.pieces.baked_bounds(part);
+                self.push(Body { pieces: vec![part], bounds, divisible: part.len() > self.options.min_triangles })
+            })
+        })
+    }
+
+    /// The triangles of a body that may be divided.
+    fn divisible_piece(&mut self, body: usize) -> Option<Piece> {
+        match &self.bodies[body] {
+            Body { divisible: true, pieces, .. } => {
+                let piece = pieces[0];
+                self.pieces.load(piece);
+                Some(piece)
+            }
+            _ => None,
+        }
+    }
+
+    fn push(&mut self, body: Body) -> usize {
+        self.bodies.push(body);
+        self.bodies.len() - 1
+    }
+}
+
+/// A body as an overlap divides it.
+struct Cut {
+    /// What is to merge.
+    inside: Option<usize>,
+    /// What stays apart; nothing if the body cannot be divided.
+    outside: Vec<usize>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::*;
+    use super::super::{Content, GroupGeometry};
+    use super::*;
+    use crate::scene::Pinned;
+    use glam::{DAffine3, Vec3};
+    use proptest::prelude::*;
+
+    fn checked(scene: &Scene, options: &Options) -> Layout {
+        let layout = overlap(scene, options);
+        assert_eq!(layout.check(scene), Ok(()));
+        layout
+    }
+
+    fn with_ratios(skip: f64, split: f64, split_or_merge: f64) -> Options {
+        Options {
+            skip_overlap_ratio: skip,
+            split_ratio: split,
+            split_or_merge_ratio: split_or_merge,
+            ..Options::default()
+        }
+    }
+
+    fn overlap_ratio(scene: &Scene, layout: &Layout) -> f64 {
+        overlap::ratio(&placed_bounds(scene, layout))
+    }
+
+    /// The ratio before anything is done.
+    fn ratio_before(scene: &Scene) -> f64 {
+        overlap_ratio(scene, &checked(scene, &Options { skip_overlap_ratio: f64::INFINITY, ..Options::default() }))
+    }
+
+    fn moved(triangles: Vec<[Vec3; 3]>, by: Vec3) -> Vec<[Vec3; 3]> {
+        triangles.into_iter().map(|t| t.map(|p| p + by)).collect()
+    }
+
+    /// A square of `n` by `n` small triangles, a unit apart.
+    fn field(corner: Vec3, n: usize) -> Vec<[Vec3; 3]> {
+        (0..n).flat_map(|y| row(corner + Vec3::Y * y as f32, n)).collect()
+    }
+
+    #[test]
+    fn an_empty_scene_gives_an_empty_layout() {
+        assert!(checked(&Scene::default(), &Options::default()).groups.is_empty());
+    }
+
+    #[test]
+    fn objects_apart_stay_as_they_are() {
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, row(Vec3::ZERO, 20));
+        let lamp = builder.mesh("lamp", vec![(0, row(Vec3::Y, 9)), (1, row(Vec3::Y * 5.0, 9))]);
+        builder.place(lamp, "lamp", DAffine3::IDENTITY);
+        let layout = checked(&builder.scene(), &with_ratios(0.0, 0.25, 0.5));
+        assert_eq!(group_names(&layout), ["kept a", "piece lamp.0", "piece lamp.1"]);
+    }
+
+    #[test]
+    fn a_pair_that_overlaps_mostly_becomes_a_mesh_group_that_keeps_both_materials() {
+        let mut builder = SceneBuilder::default();
+        builder.object("leaves", 0, field(Vec3::ZERO, 10));
+        builder.object("twigs", 1, field(Vec3::splat(0.1), 9));
+        let scene = builder.scene();
+        let layout = checked(&scene, &Options::default());
+        assert_eq!(group_names(&layout), ["baked leaves + 1"]);
+        let Content::Baked { geometries, .. } = &layout.groups[0].content else { panic!("not baked") };
+        let parts: Vec<_> = geometries.iter().map(|g: &GroupGeometry| (g.material, g.triangles.len())).collect();
+        assert_eq!(parts, [(Some(0), 100), (Some(1), 81)]);
+    }
+
+    #[test]
+    fn a_pair_that_overlaps_little_is_split_in_the_middle() {
+        // Two L shapes whose boxes share the empty corner of each.
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, [row(Vec3::ZERO, 40), row(Vec3::new(0.0, 20.0, 0.0), 4)].concat());
+        builder.object("b", 0, [row(Vec3::new(25.0, 22.0, 0.0), 40), row(Vec3::new(61.0, 3.0, 0.0), 4)].concat());
+        let scene = builder.scene();
+        let before = ratio_before(&scene);
+        let layout = checked(&scene, &with_ratios(0.0, 0.5, 0.5));
+        let after = overlap_ratio(&scene, &layout);
+        assert!(before > 0.1 && after < 0.5 * before, "{before} to {after}");
+        let names = group_names(&layout);
+        assert!(names.len() >= 4 && names.iter().all(|n| !n.contains('+')), "{names:?}");
+    }
+
+    #[test]
+    fn a_pair_in_between_is_split_at_the_overlap_and_the_parts_inside_merge() {
+        let mut builder = SceneBuilder::default();
+        builder.object("left", 0, field(Vec3::ZERO, 20));
+        builder.object("right", 1, field(Vec3::new(10.05, 0.0, 0.0), 20));
+        let scene = builder.scene();
+        let layout = checked(&scene, &with_ratios(0.05, 0.1, 0.9));
+        assert_eq!(group_names(&layout), ["baked left + 1", "baked left.0", "baked right.0"]);
+        assert_eq!(group_sizes(&scene, &layout), [400, 200, 200]);
+        assert!(overlap_ratio(&scene, &layout) < 0.1 * ratio_before(&scene));
+    }
+
+    #[test]
+    fn an_object_that_cannot_be_divided_joins_what_overlaps_it() {
+        let mut builder = SceneBuilder::default();
+        builder.object("small", 0, vec![[Vec3::ZERO, Vec3::new(10.0, 0.0, 1.0), Vec3::new(0.0, 10.0, 1.0)]; 3]);
+        builder.object("field", 1, field(Vec3::ZERO, 16));
+        let scene = builder.scene();
+        let layout = checked(&scene, &with_ratios(0.05, 0.1, 0.9));
+        let names = group_names(&layout);
+        assert!(names.iter().any(|n| n.contains("+ 1")), "{names:?}");
+        assert!(overlap_ratio(&scene, &layout) < ratio_before(&scene));
+    }
+
+    #[test]
+    fn pairs_below_the_skip_ratio_are_left() {
+        let mut builder = SceneBuilder::default();
+        builder.object("left", 0, field(Vec3::ZERO, 20));
+        builder.object("right", 1, field(Vec3::new(18.0, 0.0, 0.0), 20));
+        let scene = builder.scene();
+        assert_eq!(group_names(&checked(&scene, &with_ratios(0.2, 0.5, 0.5))), ["kept left", "kept right"]);
+        assert_ne!(group_names(&checked(&scene, &with_ratios(0.01, 0.01, 0.5))), ["kept left", "kept right"]);
+    }
+
+    #[test]
+    fn nothing_is_done_below_the_termination_ratio() {
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, field(Vec3::ZERO, 10));
+        builder.object("b", 1, field(Vec3::splat(0.1), 10));
+        let options = Options { termination_overlap_ratio: 2.0, ..Options::default() };
+        assert_eq!(group_names(&checked(&builder.scene(), &options)), ["kept a", "kept b"]);
+    }
+
+    #[test]
+    fn objects_of_few_triangles_are_not_split() {
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, field(Vec3::ZERO, 3));
+        builder.object("b", 1, field(Vec3::new(2.0, 2.0, 0.0), 3));
+        let options = Options { min_triangles: 9, ..with_ratios(0.0, 0.9, 0.9) };
+        assert_eq!(group_names(&checked(&builder.scene(), &options)), ["kept a", "kept b"]);
+    }
+
+    #[test]
+    fn equal_triangles_end_the_rounds() {
+        let mut builder = SceneBuilder::default();
+        for i in 0..4 {
+            builder.object("pile", i, vec![small_triangle(Vec3::X * 0.01 * i as f32); 5000]);
+        }
+        let scene = builder.scene();
+        for options in [with_ratios(0.0, 2.0, 2.0), with_ratios(0.0, 0.0, 2.0), with_ratios(0.0, 0.0, 0.0)] {
+            assert_eq!(group_sizes(&scene, &checked(&scene, &options)).iter().sum::<usize>(), 20_000);
+        }
+    }
+
+    #[test]
+    fn pinned_instances_stay() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("mesh", vec![(0, field(Vec3::ZERO, 10))]);
+        builder.place(mesh, "pinned", DAffine3::IDENTITY).pinned = Some(Pinned::Animated);
+        builder.place(mesh, "first", at(0.1, 0.0, 0.0));
+        builder.place(mesh, "second", at(0.0, 0.1, 0.0));
+        let layout = checked(&builder.scene(), &Options::default());
+        assert_eq!(group_names(&layout), ["kept mesh", "baked first + 1"]);
+    }
+
+    #[test]
+    fn thousands_of_objects_in_one_place_merge_round_by_round() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("mesh", vec![(0, row(Vec3::ZERO, 1))]);
+        for i in 0..2 * FEW_OBJECTS {
+            builder.place(mesh, "node", at(1e-6 * i as f64, 0.0, 0.0));
+        }
+        let scene = builder.scene();
+        let layout = checked(&scene, &Options::default());
+        assert!(layout.groups.len() < 100, "{} groups", layout.groups.len());
+    }
+
+    #[test]
+    fn the_layout_is_the_same_for_any_number_of_threads() {
+        let mut builder = SceneBuilder::default();
+        for i in 0..30 {
+            let corner = Vec3::new((i * 7 % 20) as f32, (i * 3 % 25) as f32, 0.0);
+            builder.object("object", i % 3, moved(field(Vec3::ZERO, 12), corner));
+        }
+        let scene = builder.scene();
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| format!("{:?}", checked(&scene, &Options::default())))
+        };
+        assert_eq!(with(1), with(3));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+        #[test]
+        fn no_scene_ends_with_more_overlap_than_it_began_with(
+            scene in any_scene(),
+            skip in 0.0..0.1,
+            split in 0.0..1.0,
+            split_or_merge in 0.0..1.2,
+        ) {
+            let layout = checked(&scene, &Options { min_triangles: 2, ..with_ratios(skip, split, split_or_merge) });
+            let (before, after) = (ratio_before(&scene), overlap_ratio(&scene, &layout));
+            prop_assert!(after <= before * (1.0 + 1e-12), "{} to {}", before, after);
+        }
     }
 }

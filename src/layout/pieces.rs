@@ -1,9 +1,7 @@
 //! Objects being divided into pieces: what `bvh` and `overlap` work on.
 //!
-//! Triangles are divided by their centroids, in coordinates in which the scene spans the unit cube: single precision
-//! is enough there to choose where to cut, and areas neither overflow nor vanish. A triangle takes 40 bytes, and only
-//! from the moment its object is divided first. Dividing permutes triangles within the range that is divided, so
-//! that every piece there ever was stays valid.
+//! A triangle takes 64 bytes, and only from the moment its object is divided first. Dividing permutes triangles within
+//! the range that is divided, so that every piece there ever was stays valid.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -18,13 +16,17 @@ use crate::scene::{Bounds, Geometry, InstanceId, Mesh, Scene, TriangleRef};
 /// A triangle as far as dividing needs it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Item {
-    /// Mean of the corners.
+    /// Its box in world coordinates.
+    pub(super) bounds: Bounds,
+    /// Mean of the corners, seen from the middle of the scene ([`Pieces::from_middle`]), where single precision is
+    /// enough to choose a side.
     pub(super) centroid: Vec3,
-    min: Vec3,
-    max: Vec3,
     /// Triangle of the object's mesh.
     triangle: u32,
 }
+
+/// Triangles that one task goes through.
+pub(super) const CHUNK: usize = 1 << 14;
 
 /// A run of an object's triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -54,35 +56,13 @@ pub(super) struct Pieces<'a> {
     shared: Vec<bool>,
     /// The triangles of each object; empty until it is divided.
     items: Vec<Vec<Item>>,
-    /// The box of each object, in unit space.
+    /// The box of each object.
     bounds: Vec<Bounds>,
-    /// Boxes of the instances that stay, in unit space.
+    /// Boxes of the instances that stay.
     pub(super) others: Vec<Bounds>,
-    /// Surface area of the box of the scene, in unit space.
+    /// Surface area of the box of the scene.
     pub(super) scene_area: f64,
-    space: UnitSpace,
-}
-
-/// The uniform scale and translation that take the scene into the unit cube around the origin.
-#[derive(Clone, Copy, Debug)]
-struct UnitSpace {
-    center: DVec3,
-    scale: f64,
-}
-
-impl UnitSpace {
-    fn of(scene: &Bounds) -> Self {
-        let extent = scene.size().max_element();
-        UnitSpace { center: scene.center(), scale: if extent > 0.0 { 1.0 / extent } else { 0.0 } }
-    }
-
-    fn point(&self, p: DVec3) -> DVec3 {
-        (p - self.center) * self.scale
-    }
-
-    fn bounds(&self, b: &Bounds) -> Bounds {
-        if b.is_empty() { *b } else { Bounds { min: self.point(b.min), max: self.point(b.max) } }
-    }
+    middle: DVec3,
 }
 
 impl<'a> Pieces<'a> {
@@ -100,18 +80,21 @@ impl<'a> Pieces<'a> {
             objects.par_iter().zip(&shared).map(|(&object, &shared)| placed_bounds(scene, object, shared)).collect();
         let others: Vec<Bounds> = instance_bounds(scene, selection.left());
         let all = bounds.iter().chain(&others).fold(Bounds::EMPTY, |all, b| all.union(b));
-        let space = UnitSpace::of(&all);
-        let in_unit_space = |boxes: Vec<Bounds>| boxes.iter().map(|b| space.bounds(b)).collect();
         Pieces {
             scene,
             items: vec![Vec::new(); objects.len()],
             objects,
             shared,
-            bounds: in_unit_space(bounds),
-            others: in_unit_space(others),
-            scene_area: space.bounds(&all).area(),
-            space,
+            bounds,
+            others,
+            scene_area: all.area(),
+            middle: all.center(),
         }
+    }
+
+    /// A point in world coordinates as centroids are stored.
+    pub(super) fn from_middle(&self, point: DVec3) -> Vec3 {
+        (point - self.middle).as_vec3()
     }
 
     /// Every object as one piece, with its box.
@@ -129,14 +112,22 @@ impl<'a> Pieces<'a> {
     pub(super) fn load(&mut self, piece: Piece) {
         let at = piece.object as usize;
         if self.items[at].is_empty() {
-            let (scene, space, object) = (self.scene, self.space, self.objects[at]);
+            let (scene, middle, object) = (self.scene, self.middle, self.objects[at]);
             let first = object.geometry(scene).first_triangle;
             let count = self.triangle_count(piece.object);
             let item = |triangle| {
                 let corners = scene.world_corners(TriangleRef { instance: object.instance, triangle });
-                Item::new(corners.map(|p| space.point(p)), triangle)
+                Item::new(corners, middle, triangle)
             };
             self.items[at] = (first..first + count).into_par_iter().map(item).collect();
+        }
+    }
+
+    /// The box around the triangles of a piece as they are when they are baked.
+    pub(super) fn baked_bounds(&self, piece: Piece) -> Bounds {
+        match self.items[piece.object as usize].get(piece.range()) {
+            Some(items) => bounds_of(items),
+            None => placed_bounds(self.scene, self.objects[piece.object as usize], true),
         }
     }
 
@@ -162,7 +153,8 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    fn is_whole(&self, piece: Piece) -> bool {
+    /// Whether a piece is all of its object.
+    pub(super) fn is_whole(&self, piece: Piece) -> bool {
         piece.len() == self.triangle_count(piece.object) as usize
     }
 
@@ -208,58 +200,31 @@ impl<'a> Pieces<'a> {
 }
 
 impl Item {
-    fn new(corners: [DVec3; 3], triangle: u32) -> Self {
-        let bounds = Bounds::of(corners);
-        let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
-        Item { centroid: centroid.as_vec3(), min: bounds.min.as_vec3(), max: bounds.max.as_vec3(), triangle }
+    fn new(corners: [DVec3; 3], middle: DVec3, triangle: u32) -> Self {
+        let centroid = corners.iter().map(|&p| (p - middle) / 3.0).sum::<DVec3>();
+        Item { bounds: Bounds::of(corners), centroid: centroid.as_vec3(), triangle }
     }
 }
 
-/// A box in single precision, of triangles or of centroids.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Extent {
-    pub(super) min: Vec3,
-    pub(super) max: Vec3,
+/// The box around triangles.
+pub(super) fn bounds_of(items: &[Item]) -> Bounds {
+    union_of(items, |item| item.bounds)
 }
 
-impl Extent {
-    pub(super) const EMPTY: Extent = Extent { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+/// The box around the centroids of triangles, as they are stored.
+pub(super) fn centroid_bounds(items: &[Item]) -> Bounds {
+    union_of(items, |item| Bounds { min: item.centroid.as_dvec3(), max: item.centroid.as_dvec3() })
+}
 
-    /// The box around the triangles.
-    pub(super) fn of(items: &[Item]) -> Self {
-        Self::gather(items, |item| Extent { min: item.min, max: item.max })
-    }
+fn union_of(items: &[Item], bounds: impl Fn(&Item) -> Bounds + Sync) -> Bounds {
+    let of_chunk = |chunk: &[Item]| chunk.iter().fold(Bounds::EMPTY, |all, item| all.union(&bounds(item)));
+    items.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
+}
 
-    /// The box around the centroids of the triangles.
-    pub(super) fn of_centroids(items: &[Item]) -> Self {
-        Self::gather(items, |item| Extent { min: item.centroid, max: item.centroid })
-    }
-
-    fn gather(items: &[Item], extent: impl Fn(&Item) -> Extent + Sync) -> Self {
-        let fold = |all: Extent, item: &Item| all.union(&extent(item));
-        let chunks = items.par_chunks(1 << 14);
-        chunks.map(|chunk| chunk.iter().fold(Extent::EMPTY, fold)).reduce(|| Extent::EMPTY, |a, b| a.union(&b))
-    }
-
-    /// Takes a triangle in.
-    pub(super) fn add(&mut self, item: &Item) {
-        *self = self.union(&Extent { min: item.min, max: item.max });
-    }
-
-    /// The smallest box around both.
-    pub(super) fn union(&self, other: &Extent) -> Extent {
-        Extent { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    /// In double precision.
-    pub(super) fn bounds(&self) -> Bounds {
-        Bounds { min: self.min.as_dvec3(), max: self.max.as_dvec3() }
-    }
-
-    /// Edge lengths.
-    pub(super) fn size(&self) -> Vec3 {
-        self.max - self.min
-    }
+/// The axis of the longest edge of a box, the first among equals.
+pub(super) fn longest_axis(bounds: &Bounds) -> usize {
+    let size = bounds.size();
+    if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) }
 }
 
 /// Moves the items for which `is_left` holds before the others; gives their number.

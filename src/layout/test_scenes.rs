@@ -3,8 +3,8 @@
 use glam::{DAffine3, DVec3, Vec3};
 use proptest::prelude::*;
 
-use super::{Content, Layout};
-use crate::scene::{Geometry, Instance, Material, Mesh, MeshId, Pinned, Scene};
+use super::{Content, Layout, Placement};
+use crate::scene::{Bounds, Geometry, Instance, Material, Mesh, MeshId, Pinned, Scene};
 
 /// A scene under construction. Names of meshes and instances are given; nodes count up.
 #[derive(Default)]
@@ -90,6 +90,27 @@ pub(super) fn group_names(layout: &Layout) -> Vec<String> {
         Content::Baked { .. } => "baked",
     };
     layout.groups.iter().map(|g| format!("{} {}", kind(&g.content), g.name)).collect()
+}
+
+/// The world box of every placement: of the transformed box of a kept mesh or piece, of the triangles that are baked.
+pub(super) fn placed_bounds(scene: &Scene, layout: &Layout) -> Vec<Bounds> {
+    let points = |corners: [Vec3; 3]| corners.map(|p| p.as_dvec3());
+    let bounds = |placement: &Placement| match &layout.groups[placement.group as usize].content {
+        Content::Kept(mesh) => {
+            let mesh = &scene.meshes[mesh.0 as usize];
+            let triangles = 0..mesh.triangle_count() as u32;
+            Bounds::of(triangles.flat_map(|t| points(mesh.corners(t)))).transformed(&placement.transform)
+        }
+        Content::Piece(mesh, geometries) => {
+            let mesh = &scene.meshes[mesh.0 as usize];
+            let triangles = geometries.iter().flat_map(|g| &g.triangles);
+            Bounds::of(triangles.flat_map(|t| points(mesh.corners(t.triangle)))).transformed(&placement.transform)
+        }
+        Content::Baked { geometries, .. } => {
+            Bounds::of(geometries.iter().flat_map(|g| &g.triangles).flat_map(|&t| scene.world_corners(t)))
+        }
+    };
+    layout.placements.iter().map(bounds).collect()
 }
 
 fn transform() -> impl Strategy<Value = DAffine3> {
