@@ -12,6 +12,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
 
 use crate::scene::Bounds;
 
@@ -90,7 +91,8 @@ impl Tree {
     ///
     /// Departs from the papers where many boxes share one Morton cell (equal triangles, or a far outlier that
     /// squeezes the rest of the scene into a few cells): clustering such boxes takes quadratic time, so that they
-    /// enter the tree as one item and become a tree of their own, scaled to their own extent.
+    /// enter the tree as one item and become a tree of their own, scaled to their own extent. So do the parts of very
+    /// many boxes, which takes less memory and all threads.
     pub fn build(boxes: &[Bounds], quality: Quality) -> Tree {
         build_over(boxes, (0..boxes.len() as u32).collect(), quality)
     }
@@ -148,13 +150,17 @@ impl Tree {
 
 /// More boxes than this in one Morton cell are clustered apart.
 const CROWD: usize = 64;
+/// More boxes than this are clustered in parts.
+const PART: usize = 1 << 22;
 /// Coordinates below this have finite products.
 const LARGEST: f64 = 1e150;
 
-/// What a tree is built over: a box, or many boxes with a tree of their own.
-enum Item {
-    One(u32),
-    Crowd(Tree),
+/// What a tree is clustered over: boxes, and after them trees of many boxes.
+struct Items<'a> {
+    boxes: &'a [Bounds],
+    ones: Vec<u32>,
+    crowds: Vec<Tree>,
+    crowd_bounds: Vec<Bounds>,
 }
 
 /// A part of a tree still to be written out.
@@ -164,21 +170,56 @@ enum Part<'a> {
     Crowd(&'a Tree, usize),
 }
 
+impl Items<'_> {
+    /// The tree of many boxes that item `i` is, if it is not one box.
+    fn crowd(&self, i: u32) -> Option<&Tree> {
+        (i as usize).checked_sub(self.ones.len()).map(|crowd| &self.crowds[crowd])
+    }
+
+    fn bounds(&self) -> impl Iterator<Item = &Bounds> {
+        self.ones.iter().map(|&i| &self.boxes[i as usize]).chain(&self.crowd_bounds)
+    }
+}
+
 /// The tree over some of the boxes.
 fn build_over(boxes: &[Bounds], members: Vec<u32>, quality: Quality) -> Tree {
-    let bounds_of = |members: &[u32]| members.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
-    let all = bounds_of(&members);
-    let (mut items, crowds) = crowded_cells(boxes, &members);
-    if let [crowd] = crowds.as_slice()
-        && crowd.len() == members.len()
-    {
+    if members.len() > PART {
+        return join_crowds(boxes, Vec::new(), parts(boxes, members, PART), quality);
+    }
+    let (ones, crowds) = crowded_cells(boxes, &members);
+    if ones.is_empty() && crowds.len() == 1 {
         return halved(members, quality.equal_leaf());
     }
-    let mut item_bounds: Vec<Bounds> = items.iter().map(|&i| boxes[i as usize]).collect();
-    item_bounds.extend(crowds.iter().map(|c| bounds_of(c)));
-    let mut wrapped: Vec<Item> = items.drain(..).map(Item::One).collect();
-    wrapped.extend(crowds.into_iter().map(|c| Item::Crowd(build_over(boxes, c, quality))));
-    cluster(&wrapped, &item_bounds, &all, quality)
+    drop(members);
+    join_crowds(boxes, ones, crowds, quality)
+}
+
+/// The tree over single boxes and over crowds, each with a tree of its own.
+fn join_crowds(boxes: &[Bounds], ones: Vec<u32>, crowds: Vec<Vec<u32>>, quality: Quality) -> Tree {
+    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+    let crowd_bounds = crowds.iter().map(around).collect();
+    let crowds = crowds.into_par_iter().map(|crowd| build_over(boxes, crowd, quality)).collect();
+    cluster(&Items { boxes, ones, crowds, crowd_bounds }, quality)
+}
+
+/// Halves members along the longest axis of their centroids until no part is too large, so that parts are clustered
+/// side by side and memory stays within that of a few.
+fn parts(boxes: &[Bounds], members: Vec<u32>, largest: usize) -> Vec<Vec<u32>> {
+    if members.len() <= largest {
+        return vec![members];
+    }
+    let center = |i: u32| boxes[i as usize].center();
+    let extent = Bounds::of(members.iter().map(|&i| center(i))).size();
+    let axis = extent.max_position();
+    let mut left = members;
+    let middle = left.len() / 2;
+    left.select_nth_unstable_by(middle, |&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
+    let mut right = left.split_off(middle);
+    left.sort_unstable();
+    right.sort_unstable();
+    let (mut left, right) = rayon::join(|| parts(boxes, left, largest), || parts(boxes, right, largest));
+    left.extend(right);
+    left
 }
 
 /// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
@@ -225,9 +266,9 @@ fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
 }
 
 /// The tree of locally ordered clustering, with the trees of crowds grafted in.
-fn cluster(items: &[Item], bounds: &[Bounds], all: &Bounds, quality: Quality) -> Tree {
-    let bvh = build_bvh2(&in_unit_cube(bounds, all), quality.params(), &mut Duration::default());
-    let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.len()) };
+fn cluster(items: &Items, quality: Quality) -> Tree {
+    let bvh = build_bvh2(&in_unit_cube(items), quality.params(), &mut Duration::default());
+    let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.ones.len()) };
     if bvh.nodes.is_empty() {
         return tree;
     }
@@ -252,7 +293,7 @@ enum Opened<'a> {
 }
 
 impl<'a> Part<'a> {
-    fn open(self, items: &'a [Item]) -> Opened<'a> {
+    fn open(self, items: &'a Items) -> Opened<'a> {
         match self {
             Part::Clustered(bvh, at) => {
                 let node = &bvh.nodes[at];
@@ -262,8 +303,8 @@ impl<'a> Part<'a> {
                     count => Part::Listed(&bvh.primitive_indices[first..first + count]).open(items),
                 }
             }
-            Part::Listed(list) => match (list, list.first().map(|&i| &items[i as usize])) {
-                ([_], Some(Item::Crowd(tree))) => Part::Crowd(tree, 0).open(items),
+            Part::Listed(list) => match (list, list.first().and_then(|&i| items.crowd(i))) {
+                ([_], Some(tree)) => Part::Crowd(tree, 0).open(items),
                 _ => match singles(list, items) {
                     Some(members) => Opened::Leaf(members),
                     None => {
@@ -285,23 +326,19 @@ impl<'a> Part<'a> {
 }
 
 /// The boxes of listed items, unless one of them is a crowd.
-fn singles(list: &[u32], items: &[Item]) -> Option<Vec<u32>> {
-    list.iter()
-        .map(|&i| match items[i as usize] {
-            Item::One(member) => Some(member),
-            Item::Crowd(_) => None,
-        })
-        .collect()
+fn singles(list: &[u32], items: &Items) -> Option<Vec<u32>> {
+    list.iter().map(|&i| items.ones.get(i as usize).copied()).collect()
 }
 
 /// The boxes moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
 /// builder's single precision.
-fn in_unit_cube(boxes: &[Bounds], all: &Bounds) -> Vec<Boxed> {
+fn in_unit_cube(items: &Items) -> Vec<Boxed> {
+    let all = items.bounds().fold(Bounds::EMPTY, |all, b| all.union(b));
     let center = all.center();
     let scale = 1.0 / all.size().max_element();
     let scale = if scale.is_finite() { scale } else { 0.0 };
     let point = |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
-    boxes.iter().map(|b| Boxed(Aabb::new(point(b.min), point(b.max)))).collect()
+    items.bounds().map(|b| Boxed(Aabb::new(point(b.min), point(b.max)))).collect()
 }
 
 #[cfg(test)]
@@ -383,6 +420,23 @@ mod tests {
         assert_each_item_once(&tree, boxes.len());
         assert!(tree.nodes.iter().all(|n| n.count <= 1));
         assert_eq!(tree.nodes.len(), 2 * boxes.len() - 1);
+    }
+
+    #[test]
+    fn parts_join_to_a_tree_nearly_as_good_as_one_built_whole() {
+        let at = |i: u32| dvec3(f64::from(i * 7919 % 101), f64::from(i * 104_729 % 97), f64::from(i % 31));
+        let boxes = unit_boxes((0..20_000).map(at));
+        let members: Vec<u32> = (0..boxes.len() as u32).collect();
+        let parts = parts(&boxes, members.clone(), 3000);
+        assert_eq!((parts.len(), parts.iter().map(Vec::len).max()), (8, Some(2500)));
+        let joined = join_crowds(&boxes, vec![], parts, Quality::Medium);
+        assert_each_item_once(&joined, boxes.len());
+        let whole = build_over(&boxes, members, Quality::Medium);
+        let cost = |tree| crate::cost::sah::cost(tree, &boxes);
+        assert!(cost(&joined) < 1.1 * cost(&whole), "{} for {}", cost(&joined), cost(&whole));
+        let equal = vec![boxes[0]; 1000];
+        let halves = super::parts(&equal, (0..1000).collect(), 300);
+        assert_each_item_once(&join_crowds(&equal, vec![], halves, Quality::Instances), 1000);
     }
 
     #[test]

@@ -5,24 +5,26 @@ use serde_json::{Map, Value, json};
 use super::material::Materials;
 use super::mesh::{self, Primitive};
 use super::notes::Notes;
-use super::scan::{Part, Scan};
+use super::scan::Scan;
 use super::streams::{Stream, Streams};
 
 /// The glTF root object and its one buffer.
 pub(super) fn assemble(
     scan: &Scan<'_>,
     models: Vec<tobj::Mesh>,
-    material_of_name: &[Option<usize>],
-    materials: Materials,
+    mut materials: Materials,
     notes: &mut Notes,
 ) -> (Value, Vec<u8>) {
     let mut streams = Streams::default();
-    let material = |part: &Part| part.material.and_then(|name| material_of_name[name]);
     let mut meshes: Vec<Value> = Vec::with_capacity(models.len());
     for (part, model) in scan.parts.iter().zip(models) {
-        let primitives = mesh::primitives(&model, scan.color_scale, notes);
-        let primitives = primitives.into_iter().map(|p| primitive(p, material(part), &mut streams));
-        meshes.push(json!({"primitives": primitives.collect::<Vec<_>>()}));
+        let name = part.material.map(|material| scan.materials.get(material));
+        let mut primitives = Vec::new();
+        for made in mesh::primitives(&model, scan.full_color, notes) {
+            let material = name.and_then(|name| materials.index(name, !made.texcoords.is_empty(), notes));
+            primitives.push(primitive(&made, material, &mut streams));
+        }
+        meshes.push(json!({"primitives": primitives}));
     }
     let mut tree = Tree { scan, nodes: Vec::new(), meshes: &mut meshes };
     let roots = tree.roots();
@@ -60,7 +62,7 @@ fn insert(root: &mut Map<String, Value>, key: &str, values: Vec<Value>) {
     }
 }
 
-fn primitive(primitive: Primitive, material: Option<usize>, streams: &mut Streams) -> Value {
+fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Streams) -> Value {
     let mut attributes = Map::new();
     attributes.insert("POSITION".to_owned(), streams.push_positions(&primitive.positions).into());
     let mut optional = |key: &str, stream: Stream, bytes: &[u8]| {
@@ -102,7 +104,9 @@ impl Tree<'_, '_> {
             let name = object.map(|object| self.scan.objects.get(object).to_owned());
             match name {
                 Some(name) if !self.is_one_group(&name, &groups) => roots.push(self.object(name, groups)),
-                name => roots.extend(groups.into_iter().map(|(group, parts)| self.group(name.as_deref(), group, parts))),
+                name => {
+                    roots.extend(groups.into_iter().map(|(group, parts)| self.group(name.as_deref(), group, parts)))
+                }
             }
         }
         roots
@@ -117,7 +121,8 @@ impl Tree<'_, '_> {
 
     fn object(&mut self, name: String, groups: Vec<(Option<usize>, Vec<usize>)>) -> usize {
         let node = self.push(json!({"name": name}));
-        let children: Vec<usize> = groups.into_iter().map(|(group, parts)| self.group(Some(&name), group, parts)).collect();
+        let children: Vec<usize> =
+            groups.into_iter().map(|(group, parts)| self.group(Some(&name), group, parts)).collect();
         self.nodes[node]["children"] = children.into();
         node
     }

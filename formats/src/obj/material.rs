@@ -16,7 +16,7 @@
 //!
 //! What glTF cannot say stays as it was written in `extras.mtl`, keyword by keyword.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 use serde_json::{Map, Value, json};
 
@@ -26,7 +26,7 @@ use super::notes::Notes;
 use super::texture::{Statement, Textures};
 
 /// The glTF materials of a document, in order of first use.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Materials {
     /// `materials`.
     pub(super) list: Vec<Value>,
@@ -34,36 +34,53 @@ pub(super) struct Materials {
     pub(super) textures: Textures,
     /// The extensions they use.
     pub(super) extensions: BTreeSet<&'static str>,
+    libraries: Libraries,
+    files: Files,
+    /// The material made of a name for faces with, and of that for faces without texture coordinates.
+    made: HashMap<(String, bool), usize>,
 }
 
 impl Materials {
-    /// The material of a `usemtl` name; `None` for a nameless one that no library defines. A name that no library
-    /// defines gives glTF's default material, named so, and a warning.
-    pub(super) fn resolve(
-        &mut self,
-        name: &str,
-        libraries: &Libraries,
-        files: &mut Files,
-        notes: &mut Notes,
-    ) -> Option<usize> {
-        let material = match libraries.get(name) {
-            Some(definition) => Conversion::new(definition, self, files, notes).material(name),
-            None if name.is_empty() => return None,
-            None => {
+    /// The materials that these libraries define, none made yet.
+    pub(super) fn of(libraries: Libraries, files: Files) -> Self {
+        let (list, textures, extensions) = Default::default();
+        Materials { list, textures, extensions, libraries, files, made: HashMap::new() }
+    }
+
+    /// The material of a `usemtl` name, for faces with texture coordinates (`textured`) or without; `None` for a
+    /// nameless one that no library defines. A name that no library defines gives glTF's default material, named so,
+    /// and a warning. glTF forbids textures on faces without texture coordinates: these get a material of the same
+    /// name without textures, where that differs.
+    pub(super) fn index(&mut self, name: &str, textured: bool, notes: &mut Notes) -> Option<usize> {
+        let key = |textured: bool| (name.to_owned(), textured);
+        if let Some(&made) = self.made.get(&key(textured)) {
+            return Some(made);
+        }
+        let twin = self.made.get(&key(!textured)).copied();
+        let material = match (self.libraries.get(name).cloned(), twin) {
+            (Some(definition), _) => Conversion::new(definition, textured, self, notes).material(name),
+            (None, Some(twin)) => return Some(twin),
+            (None, None) if name.is_empty() => return None,
+            (None, None) => {
                 notes.add(String::new, &format!("material `{name}` is not defined: a default one takes its place"));
                 json!({"name": name})
             }
         };
-        self.list.push(material);
-        Some(self.list.len() - 1)
+        let index = twin.filter(|&twin| self.list[twin] == material).unwrap_or(self.list.len());
+        if index == self.list.len() {
+            self.list.push(material);
+        }
+        self.made.insert(key(textured), index);
+        Some(index)
     }
 }
 
 /// One material on its way to glTF.
 struct Conversion<'a> {
-    definition: &'a Definition,
+    definition: Definition,
+    /// Whether it may have textures.
+    textured: bool,
     materials: &'a mut Materials,
-    files: &'a mut Files,
     notes: &'a mut Notes,
     /// Keywords that the glTF material says as well as MTL.
     said: BTreeSet<&'static str>,
@@ -71,13 +88,8 @@ struct Conversion<'a> {
 }
 
 impl<'a> Conversion<'a> {
-    fn new(
-        definition: &'a Definition,
-        materials: &'a mut Materials,
-        files: &'a mut Files,
-        notes: &'a mut Notes,
-    ) -> Self {
-        Conversion { definition, materials, files, notes, said: BTreeSet::new(), extensions: Map::new() }
+    fn new(definition: Definition, textured: bool, materials: &'a mut Materials, notes: &'a mut Notes) -> Self {
+        Conversion { definition, textured, materials, notes, said: BTreeSet::new(), extensions: Map::new() }
     }
 
     fn material(mut self, name: &str) -> Value {
@@ -114,9 +126,10 @@ impl<'a> Conversion<'a> {
 
     fn metallic_roughness(&mut self, opacity: f32) -> Value {
         let mut out = Map::new();
-        let texture = self.texture("map_Kd", self.definition.values.diffuse_texture.as_deref());
+        let texture = self.texture("map_Kd", self.definition.values.diffuse_texture.clone());
         let unseen = self.definition.values.diffuse == Some([0.0; 3]) && texture.is_some();
-        let [r, g, b] = self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
+        let [r, g, b] =
+            self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
         if !unseen {
             self.said.insert("Kd");
         }
@@ -138,8 +151,8 @@ impl<'a> Conversion<'a> {
         let (pr, pm) = (self.scalar("Pr"), self.scalar("Pm"));
         let both = map_pr.is_some() && file(&map_pr) == file(&map_pm);
         let rough_only = map_pr.is_some() && map_pm.is_none() && pm.unwrap_or(0.0) <= 0.0;
-        let texture = (both || rough_only).then(|| self.texture("map_Pr", map_pr.as_deref())).flatten();
-        if texture.is_none() && (map_pr.is_some() || map_pm.is_some()) {
+        let texture = (both || rough_only).then(|| self.texture("map_Pr", map_pr.clone())).flatten();
+        if self.textured && texture.is_none() && (map_pr.is_some() || map_pm.is_some()) {
             let message = "glTF cannot take these `map_Pr` and `map_Pm`: kept by name in extras only";
             self.notes.add(String::new, message);
         }
@@ -159,8 +172,8 @@ impl<'a> Conversion<'a> {
     fn normal(&mut self, out: &mut Map<String, Value>) {
         for key in ["norm", "map_Kn"] {
             let text = self.unknown(key);
-            if let Some(mut texture) = self.texture(key, text.as_deref()) {
-                let scale = Statement::parse(&text.unwrap_or_default()).strength;
+            let scale = text.as_deref().map_or(1.0, |text| Statement::parse(text).strength);
+            if let Some(mut texture) = self.texture(key, text) {
                 if scale != 1.0 {
                     texture["scale"] = scale.into();
                 }
@@ -171,8 +184,7 @@ impl<'a> Conversion<'a> {
     }
 
     fn emission(&mut self, out: &mut Map<String, Value>) {
-        let text = self.unknown("map_Ke");
-        let texture = self.texture("map_Ke", text.as_deref());
+        let texture = self.texture("map_Ke", self.unknown("map_Ke"));
         let color = self.definition.values.emissive.map(|color| color.map(|c| c.max(0.0)));
         self.said.insert("Ke");
         let color = match color.filter(|color| *color != [0.0; 3]) {
@@ -192,7 +204,7 @@ impl<'a> Conversion<'a> {
 
     fn alpha_mode(&mut self, opacity: f32, out: &mut Map<String, Value>) {
         let file = |text: &Option<String>| text.as_deref().map(|text| Statement::parse(text).file);
-        let mask = file(&self.definition.values.dissolve_texture);
+        let mask = file(&self.definition.values.dissolve_texture).filter(|_| self.textured);
         if opacity < 1.0 {
             out.insert("alphaMode".to_owned(), "BLEND".into());
         } else if mask.is_some() {
@@ -245,9 +257,10 @@ impl<'a> Conversion<'a> {
     }
 
     /// The texture info of a statement, if there is one that glTF can take.
-    fn texture(&mut self, key: &'static str, text: Option<&str>) -> Option<Value> {
-        let statement = Statement::parse(text?);
-        let info = self.materials.textures.info(&statement, &self.definition.folder, self.files, self.notes)?;
+    fn texture(&mut self, key: &'static str, text: Option<String>) -> Option<Value> {
+        let statement = Statement::parse(&text.filter(|_| self.textured)?);
+        let Materials { textures, files, .. } = &mut *self.materials;
+        let info = textures.info(&statement, &self.definition.folder, files, self.notes)?;
         self.said.insert(key);
         Some(info)
     }

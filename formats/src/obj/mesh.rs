@@ -41,8 +41,8 @@ struct Source<'a> {
 }
 
 /// The primitives of a mesh: one, or as many as its faces differ in what they lack, in order of first appearance.
-pub(super) fn primitives(mesh: &tobj::Mesh, color_scale: f32, notes: &mut Notes) -> Vec<Primitive> {
-    let source = Source::of(mesh, color_scale);
+pub(super) fn primitives(mesh: &tobj::Mesh, full_color: f32, notes: &mut Notes) -> Vec<Primitive> {
+    let source = Source::of(mesh, full_color);
     let mut out: Vec<(Has, Builder)> = Vec::new();
     let (mut start, mut points, mut triangles) = (0, Vec::new(), Vec::new());
     for count in arities(mesh) {
@@ -102,10 +102,11 @@ impl Builder {
 }
 
 impl<'a> Source<'a> {
-    fn of(mesh: &'a tobj::Mesh, color_scale: f32) -> Self {
+    fn of(mesh: &'a tobj::Mesh, full_color: f32) -> Self {
         let triples = |values: &'a [f32]| values.chunks_exact(3).map(|c| [c[0], c[1], c[2]]);
-        let texcoord = |c: &[f32]| Some([c[0], 1.0 - c[1]]).filter(|_| DVec2::new(c[0].into(), c[1].into()).is_finite());
-        let color = |c: [f32; 3]| Vec3::from(c).is_finite().then(|| c.map(|x| (x * color_scale).clamp(0.0, 1.0)));
+        let texcoord =
+            |c: &[f32]| Some([c[0], 1.0 - c[1]]).filter(|_| DVec2::new(c[0].into(), c[1].into()).is_finite());
+        let color = |c: [f32; 3]| Vec3::from(c).is_finite().then(|| c.map(|x| (x / full_color).clamp(0.0, 1.0)));
         Source {
             mesh,
             normals: triples(&mesh.normals).map(unit).collect(),

@@ -57,11 +57,8 @@ pub(crate) fn read(path: &Path) -> Result<Document, Error> {
 
     let mut files = Files::beside(path);
     let libraries = Libraries::load(&scan.libraries, &mut files, &mut notes);
-    let mut materials = Materials::default();
-    let material_of_name: Vec<Option<usize>> =
-        scan.materials.iter().map(|name| materials.resolve(name, &libraries, &mut files, &mut notes)).collect();
-
-    let (json, buffer) = assemble::assemble(&scan, models, &material_of_name, materials, &mut notes);
+    let materials = Materials::of(libraries, files);
+    let (json, buffer) = assemble::assemble(&scan, models, materials, &mut notes);
     let buffers = if buffer.is_empty() { Vec::new() } else { vec![buffer.into()] };
     Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings: notes.into_warnings() })
 }

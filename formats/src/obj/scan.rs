@@ -54,20 +54,15 @@ pub(super) struct Scan<'a> {
     /// The parts with at least one face, in order of their first.
     pub(super) parts: Vec<Part>,
     elements: Elements,
-    /// What vertex colours are to be multiplied by to come into 0..1.
-    pub(super) color_scale: f32,
+    /// What vertex colours are to be divided by to come into 0..1.
+    pub(super) full_color: f32,
 }
 
 /// Distinct names in order of first appearance.
 #[derive(Debug, Default)]
 pub(super) struct Names<'a>(Interner<Cow<'a, str>>);
 
-impl<'a> Names<'a> {
-    /// The names, in order of first appearance.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &str> {
-        self.0.values.iter().map(|name| name.as_ref())
-    }
-
+impl Names<'_> {
     /// The name of that index.
     pub(super) fn get(&self, index: usize) -> &str {
         &self.0.values[index]
@@ -224,7 +219,7 @@ impl<'a, 'n> Scanner<'a, 'n> {
     fn finish(mut self) -> Result<Scan<'a>, Fault> {
         self.faces.check_range(self.scan.elements.counts())?;
         self.scan.elements.finish(self.faces.has_texcoords, self.faces.has_normals);
-        self.scan.color_scale = self.scan.elements.color_scale(self.notes);
+        self.scan.full_color = self.scan.elements.full_color(self.notes);
         if self.scan.parts.is_empty() {
             self.notes.add(String::new, "no faces");
         }

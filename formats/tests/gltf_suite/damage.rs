@@ -87,9 +87,9 @@ fn truncations_and_bit_flips_never_panic() {
     let path = folder.path().join("a.glb");
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let mut sound = 0;
-    for round in 0..6000 {
+    for round in 0..1500 {
         let mut bytes = file.clone();
-        if round < 1000 {
+        if round < 500 {
             bytes.truncate(random.below(bytes.len()));
         }
         for _ in 0..1 + round % 4 {
@@ -102,7 +102,7 @@ fn truncations_and_bit_flips_never_panic() {
         sound += usize::from(read(&path).is_ok_and(exercise));
     }
     // Flips in names and coordinates do no harm; so the mutations reach past the container and the JSON syntax.
-    assert!((100..5000).contains(&sound), "{sound}");
+    assert!((50..1500).contains(&sound), "{sound}");
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn truncations_and_bit_flips_of_gltf_never_panic() {
     let folder = folder(&[]);
     let path = folder.path().join("a.gltf");
     let mut random = Random(0xD1B5_4A32_D192_ED03);
-    for round in 0..3000 {
+    for round in 0..1500 {
         let mut bytes = file.clone();
         let at = random.below(bytes.len());
         match round % 5 {

@@ -28,7 +28,7 @@ fn without_places(doc: &Document) -> Value {
 fn curious() -> Document {
     let mut json = triangle_json();
     json["asset"]["generator"] = "somebody".into();
-    json["ACME_root"] = json!([1, 2.5, 1e-7, 0.1, 123456789.123456789, -0.0, 1.0, 18446744073709551615_u64]);
+    json["ACME_root"] = json!([1, 2.5, 1e-7, 0.1, 123_456_789.123_456_79, -0.0, 1.0, 18446744073709551615_u64]);
     json["extras"] = json!({ "z": 1, "a": { "ü": "❤\u{1}\"" } });
     json["extensions"] = json!({ "ACME_thing": { "mesh": 0 } });
     json["extensionsUsed"] = json!(["ACME_thing"]);

@@ -128,11 +128,11 @@ impl Elements {
         self.positions.push_str(&std::mem::take(&mut self.others));
     }
 
-    /// What colours are to be multiplied by: whole numbers up to 255 are taken for bytes.
-    pub(super) fn color_scale(&self, notes: &mut Notes) -> f32 {
+    /// What colours are to be divided by: whole numbers up to 255 are taken for bytes.
+    pub(super) fn full_color(&self, notes: &mut Notes) -> f32 {
         match self.brightest {
             brightest if brightest <= 1.0 => 1.0,
-            brightest if brightest <= 255.0 && !self.fractional => 1.0 / 255.0,
+            brightest if brightest <= 255.0 && !self.fractional => 255.0,
             _ => {
                 notes.add(String::new, "vertex colours above 1 are cut to 1");
                 1.0

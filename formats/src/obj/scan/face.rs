@@ -62,13 +62,13 @@ impl Faces {
             corner[kind] = match index {
                 0 => return Err(format!("a face refers to {} 0; indices start at 1", KINDS[kind])),
                 1.. => index,
-                _ => self.from_end(kind, index, counts[kind])?,
+                _ => self.counted_back(kind, index, counts[kind])?,
             };
         }
         Ok(corner)
     }
 
-    fn from_end(&mut self, kind: usize, index: i64, count: i64) -> Result<i64, String> {
+    fn counted_back(&mut self, kind: usize, index: i64, count: i64) -> Result<i64, String> {
         self.plain = false;
         match count.checked_add(index) {
             Some(before) if before >= 0 => Ok(before + 1),
