@@ -1,13 +1,15 @@
 //! `bvh`: binned SAH on every object.
 //!
 //! I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007, as J. Bikker's article "How to
-//! build a BVH", 2022, has it and the thesis of 2024 (chapter 4.1) uses it: a tree over the triangles of every object, all
-//! trees growing breadth first until the nodes allowed for the scene are spent; the leaves become groups.
+//! build a BVH", 2022, has it and T. Bilák's thesis "Scene optimization for RTX", 2024, chapter 4.1, uses it: a tree
+//! over the triangles of every object, all trees growing breadth first until the nodes allowed for the scene are
+//! spent; the leaves become groups.
 //!
 //! Helps where objects are large and hollow; hurts where the pieces of long triangles overlap.
 //!
-//! Where the thesis leaves a choice: the root of every object counts as a node and every split as two more; a split
-//! must lower the SAH cost (area times triangles, summed), else the node is a leaf; bins lie on the longest axis of the
+//! Where the thesis leaves a choice: the nodes allowed follow from the triangles of the objects that are restructured;
+//! the root of every object counts as a node, also beyond what is allowed, and every split as two more; a split must
+//! lower the SAH cost (area times triangles, summed), else the node is a leaf; bins lie on the longest axis of the
 //! node's box along which centroids differ at all.
 
 use std::collections::VecDeque;
@@ -129,8 +131,8 @@ impl Bin {
     }
 }
 
-/// The bin before the cheapest plane, and what the plane costs: for both sides area times triangles. The first among equals;
-/// `None` if all triangles are in one bin.
+/// The bin before the cheapest plane, and what the plane costs: for both sides area times triangles. The first among
+/// equals; `None` if all triangles are in one bin.
 fn best_plane(bins: &[Bin; BINS]) -> Option<(usize, f64)> {
     let mut right = *bins;
     for i in (0..BINS - 1).rev() {

@@ -134,8 +134,8 @@ pub struct Options {
 
 impl Default for Options {
     /// The values the thesis found best, where it names them. It does not name three: `min_area_ratio`, which only
-    /// stops a `bvh` whose node budget is ample; `split_ratio`, here half of `split_or_merge_ratio`, since the overlap that
-    /// remains hardly depends on it; and `termination_overlap_ratio`, which is off.
+    /// stops a `bvh` whose node budget is ample; `split_ratio`, here half of `split_or_merge_ratio`, since the overlap
+    /// that remains hardly depends on it; and `termination_overlap_ratio`, which is off.
     fn default() -> Self {
         Options {
             nodes_per_triangle_ratio: 1e-3,

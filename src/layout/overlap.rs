@@ -1,9 +1,9 @@
 //! `overlap`: splits and merges objects until their boxes overlap little.
 //!
-//! T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical University in Prague, 2024, listing 4.1: in every
-//! round a queue of all pairs that overlap, the largest overlap first. What becomes of a pair depends on the area of its
-//! overlap over the area of the box around both: little, both are split in the middle; more, both are split
-//! at the overlap and the parts inside it merge; most of it, both merge. No object takes part twice in a round.
+//! T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical University in Prague, 2024, listing 4.1:
+//! in every round a queue of all pairs that overlap, the largest overlap first. What becomes of a pair depends on the
+//! area of its overlap over the area of the box around both: little, both are split in the middle; more, both are
+//! split at the overlap and the parts inside it merge; most of it, both merge. No object takes part twice in a round.
 //!
 //! Helps where objects are hollow or pierce each other; hurts where long triangles stick out of every piece.
 //!
@@ -125,12 +125,12 @@ impl<'a> Reduction<'a> {
 
     /// The pairs that overlap enough, the largest overlap first, then in the order of the bodies.
     fn queue(&self, overlap_ratio: f64) -> Vec<Task> {
-        let min_ratio = self.options.skip_overlap_ratio;
+        let min_ratio = self.options.skip_overlap_ratio.max(0.0);
         let bounds_at = |place: usize| self.bodies[self.live[place]].bounds;
         let mut places: Vec<usize> = (0..self.live.len()).collect();
         // No more pairs than this can each have their share of the overlap.
         let pairs_at_most = overlap_ratio / min_ratio;
-        if places.len() > FEW_OBJECTS && !(pairs_at_most <= MOST_PAIRS as f64) {
+        if places.len() > FEW_OBJECTS && pairs_at_most > MOST_PAIRS as f64 {
             places.sort_by(|&a, &b| bounds_at(b).area().total_cmp(&bounds_at(a).area()));
             places.truncate(FEW_OBJECTS);
             places.sort_unstable();
@@ -192,7 +192,7 @@ impl<'a> Reduction<'a> {
 
     /// Divides a body into what lies inside a box and what lies outside.
     fn cut(&mut self, body: usize, common: &Bounds) -> Cut {
-        let [min, max] = [common.min, common.max].map(|p| self.pieces.from_middle(p));
+        let [min, max] = [common.min, common.max].map(|p| self.pieces.seen_from_middle(p));
         let is_inside = |item: &Item| item.centroid.cmpge(min).all() && item.centroid.cmple(max).all();
         if let Some([inside, outside]) = self.divide(body, is_inside) {
             Cut { inside: Some(inside), outside: vec![outside] }
@@ -203,13 +203,13 @@ impl<'a> Reduction<'a> {
         }
     }
 
-    /// Divides a body at the middle of the longest edge of its box, or of the box of its centroids if they all lie on one
-    /// side; `None` if it cannot be divided, which is remembered.
+    /// Divides a body at the middle of the longest edge of its box, or of the box of its centroids if they all lie on
+    /// one side; `None` if it cannot be divided, which is remembered.
     fn split_in_the_middle(&mut self, body: usize) -> Option<[usize; 2]> {
         let piece = self.divisible_piece(body)?;
         let bounds = bounds_of(self.pieces.items(piece));
         let axis = longest_axis(&bounds);
-        let middle = self.pieces.from_middle(bounds.center())[axis];
+        let middle = self.pieces.seen_from_middle(bounds.center())[axis];
         let halves = self.divide(body, |item| item.centroid[axis] < middle).or_else(|| {
             let centroids = centroid_bounds(self.pieces.items(piece));
             let axis = longest_axis(&centroids);
@@ -220,8 +220,8 @@ impl<'a> Reduction<'a> {
         halves
     }
 
-    /// Divides a body into the triangles for which `is_first` holds and the others; `None` if it must not be divided or
-    /// if one of them would be empty.
+    /// Divides a body into the triangles for which `is_first` holds and the others; `None` if it must not be divided
+    /// or if one of them would be empty.
     fn divide(&mut self, body: usize, is_first: impl Fn(&Item) -> bool) -> Option<[usize; 2]> {
         let piece = self.divisible_piece(body)?;
         let parts = self.pieces.divide(piece, is_first);

@@ -18,7 +18,7 @@ use crate::scene::{Bounds, Geometry, InstanceId, Mesh, Scene, TriangleRef};
 pub(super) struct Item {
     /// Its box in world coordinates.
     pub(super) bounds: Bounds,
-    /// Mean of the corners, seen from the middle of the scene ([`Pieces::from_middle`]), where single precision is
+    /// Mean of the corners, seen from the middle of the scene ([`Pieces::seen_from_middle`]), where single precision is
     /// enough to choose a side.
     pub(super) centroid: Vec3,
     /// Triangle of the object's mesh.
@@ -68,8 +68,8 @@ pub(super) struct Pieces<'a> {
 impl<'a> Pieces<'a> {
     /// The objects of the selected instances.
     ///
-    /// The box of an object is that with which it would be placed undivided: the transformed box of its geometry where it
-    /// can stay as it is, the box of its transformed triangles where it is baked.
+    /// The box of an object is that with which it would be placed undivided: the transformed box of its geometry
+    /// where it can stay as it is, the box of its transformed triangles where it is baked.
     pub(super) fn new(scene: &'a Scene, selection: &Selection) -> Self {
         let objects = objects(scene, selection.baked());
         let mut uses = vec![0u32; scene.meshes.len()];
@@ -93,7 +93,7 @@ impl<'a> Pieces<'a> {
     }
 
     /// A point in world coordinates as centroids are stored.
-    pub(super) fn from_middle(&self, point: DVec3) -> Vec3 {
+    pub(super) fn seen_from_middle(&self, point: DVec3) -> Vec3 {
         (point - self.middle).as_vec3()
     }
 
