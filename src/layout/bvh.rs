@@ -42,7 +42,8 @@ fn split_all(pieces: &mut Pieces, options: &Options) -> Vec<Vec<Piece>> {
     let mut nodes = queue.len();
     let mut leaves = Vec::new();
     while let Some((piece, bounds)) = queue.pop_front() {
-        let may_split = (nodes + 2) as f64 <= allowed && piece.len() > options.min_triangles && bounds.area() > min_area;
+        let may_split =
+            (nodes + 2) as f64 <= allowed && piece.len() > options.min_triangles && bounds.area() > min_area;
         match may_split.then(|| split(pieces, piece)).flatten() {
             Some(children) => {
                 nodes += 2;

@@ -42,7 +42,12 @@ impl<'a> Reduction<'a> {
         let bodies: Vec<Body> = pieces
             .whole()
             .into_iter()
-            .map(|(p, bounds)| Body { parts: vec![p], bounds, triangles: p.len(), splittable: p.len() > options.min_triangles })
+            .map(|(p, bounds)| Body {
+                parts: vec![p],
+                bounds,
+                triangles: p.len(),
+                splittable: p.len() > options.min_triangles,
+            })
             .collect();
         let live: Vec<u32> = (0..bodies.len() as u32).collect();
         Reduction { pieces, options, best: live.clone(), live, bodies, best_ratio: f64::INFINITY }
@@ -90,18 +95,24 @@ impl<'a> Reduction<'a> {
                         }
                         counts[1] += 1;
                         let mut merged = vec![];
-                        let v2 = std::env::var("V2").is_ok() && (sa.as_ref().is_some_and(|x| x.1) || sb.as_ref().is_some_and(|x| x.1));
+                        let v2 = std::env::var("V2").is_ok()
+                            && (sa.as_ref().is_some_and(|x| x.1) || sb.as_ref().is_some_and(|x| x.1));
                         for (s, i) in [(sa, ia), (sb, ib)] {
                             match s {
                                 None if v2 => merged.push(i),
                                 None => next.push(i),
-                                Some((v, true)) => { merged.push(v[0]); next.push(v[1]); }
+                                Some((v, true)) => {
+                                    merged.push(v[0]);
+                                    next.push(v[1]);
+                                }
                                 Some((v, false)) => next.extend(v),
                             }
                         }
                         if merged.len() == 2 {
                             next.push(self.merge(merged[0], merged[1]));
-                        } else { next.extend(merged); }
+                        } else {
+                            next.extend(merged);
+                        }
                     }
                 } else {
                     counts[2] += 1;
@@ -112,12 +123,20 @@ impl<'a> Reduction<'a> {
                 dirty[b] = true;
             }
             if std::env::var("PROBE").is_ok() {
-                eprintln!("round {round}: objects {} ratio {ratio:.4} pairs {} split {} sm {} merge {}", boxes.len(), pairs.len(), counts[0], counts[1], counts[2]);
+                eprintln!(
+                    "round {round}: objects {} ratio {ratio:.4} pairs {} split {} sm {} merge {}",
+                    boxes.len(),
+                    pairs.len(),
+                    counts[0],
+                    counts[1],
+                    counts[2]
+                );
             }
             if next.is_empty() || ratio < o.termination_overlap_ratio {
                 break;
             }
-            let mut live: Vec<u32> = self.live.iter().enumerate().filter(|(k, _)| !dirty[*k]).map(|(_, &i)| i).collect();
+            let mut live: Vec<u32> =
+                self.live.iter().enumerate().filter(|(k, _)| !dirty[*k]).map(|(_, &i)| i).collect();
             live.extend(next);
             self.live = live;
         }
@@ -126,7 +145,12 @@ impl<'a> Reduction<'a> {
     fn push(&mut self, parts: Vec<Piece>) -> u32 {
         let ext = parts.iter().fold(Extent::EMPTY, |e, &p| e.union(&Extent::of(self.pieces.items(p))));
         let triangles = parts.iter().map(|p| p.len()).sum();
-        self.bodies.push(Body { parts, bounds: ext.bounds(), triangles, splittable: triangles > self.options.min_triangles });
+        self.bodies.push(Body {
+            parts,
+            bounds: ext.bounds(),
+            triangles,
+            splittable: triangles > self.options.min_triangles,
+        });
         self.bodies.len() as u32 - 1
     }
 
@@ -135,40 +159,64 @@ impl<'a> Reduction<'a> {
         let (mut l, mut r) = (vec![], vec![]);
         for p in parts {
             let [a, b] = self.pieces.divide(p, f);
-            if a.len() > 0 { l.push(a); }
-            if b.len() > 0 { r.push(b); }
+            if a.len() > 0 {
+                l.push(a);
+            }
+            if b.len() > 0 {
+                r.push(b);
+            }
         }
-        if l.is_empty() || r.is_empty() { return None; }
+        if l.is_empty() || r.is_empty() {
+            return None;
+        }
         Some(vec![self.push(l), self.push(r)])
     }
 
     fn split(&mut self, i: u32) -> Option<Vec<u32>> {
         let body = self.bodies[i as usize].clone();
-        if !body.splittable { return None; }
-        for &p in &body.parts { self.pieces.load(p); }
+        if !body.splittable {
+            return None;
+        }
+        for &p in &body.parts {
+            self.pieces.load(p);
+        }
         let mode = std::env::var("SPLIT").unwrap_or_default();
         let cext = body.parts.iter().fold(Extent::EMPTY, |e, &p| e.union(&Extent::of_centroids(self.pieces.items(p))));
         let ext = body.parts.iter().fold(Extent::EMPTY, |e, &p| e.union(&Extent::of(self.pieces.items(p))));
         let pick = |e: &Extent| {
             let s = e.size();
-            let ax = if s.x >= s.y && s.x >= s.z { 0 } else if s.y >= s.z { 1 } else { 2 };
+            let ax = if s.x >= s.y && s.x >= s.z {
+                0
+            } else if s.y >= s.z {
+                1
+            } else {
+                2
+            };
             (ax, 0.5 * (e.min[ax] + e.max[ax]))
         };
         if mode != "c" {
             let (ax, at) = pick(&ext);
             let r = self.divide(i, |it| it.centroid[ax] < at);
-            if r.is_some() { return r; }
+            if r.is_some() {
+                return r;
+            }
         }
         let (ax, at) = pick(&cext);
         let r = self.divide(i, |it| it.centroid[ax] < at);
-        if r.is_none() { self.bodies[i as usize].splittable = false; }
+        if r.is_none() {
+            self.bodies[i as usize].splittable = false;
+        }
         r
     }
 
     fn split_at(&mut self, i: u32, inside: &Bounds) -> Option<(Vec<u32>, bool)> {
         let body = self.bodies[i as usize].clone();
-        if !body.splittable { return None; }
-        for &p in &body.parts { self.pieces.load(p); }
+        if !body.splittable {
+            return None;
+        }
+        for &p in &body.parts {
+            self.pieces.load(p);
+        }
         let (mn, mx) = (inside.min.as_vec3(), inside.max.as_vec3());
         self.divide(i, |it| it.centroid.cmpge(mn).all() && it.centroid.cmple(mx).all()).map(|v| (v, true))
     }

@@ -102,7 +102,9 @@ impl Tree<'_, '_> {
             let name = object.map(|object| self.scan.objects.get(object).to_owned());
             match name {
                 Some(name) if !self.is_one_group(&name, &groups) => roots.push(self.object(name, groups)),
-                name => roots.extend(groups.into_iter().map(|(group, parts)| self.group(name.as_deref(), group, parts))),
+                name => {
+                    roots.extend(groups.into_iter().map(|(group, parts)| self.group(name.as_deref(), group, parts)))
+                }
             }
         }
         roots
@@ -117,7 +119,8 @@ impl Tree<'_, '_> {
 
     fn object(&mut self, name: String, groups: Vec<(Option<usize>, Vec<usize>)>) -> usize {
         let node = self.push(json!({"name": name}));
-        let children: Vec<usize> = groups.into_iter().map(|(group, parts)| self.group(Some(&name), group, parts)).collect();
+        let children: Vec<usize> =
+            groups.into_iter().map(|(group, parts)| self.group(Some(&name), group, parts)).collect();
         self.nodes[node]["children"] = children.into();
         node
     }

@@ -2,8 +2,8 @@
 //! colour that is not three numbers.
 
 use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
 use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -143,9 +143,40 @@ impl Checked {
 /// Keywords in the case that `tobj` and [`super::material`] know; others as written.
 fn canonical(key: &str) -> &str {
     const KNOWN: [&str; 34] = [
-        "Ka", "Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "Tf", "illum", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso",
-        "anisor", "map_Ka", "map_Kd", "map_Ks", "map_Ke", "map_Ns", "map_d", "map_Bump", "map_Pr", "map_Pm", "map_Ps",
-        "map_Kn", "bump", "norm", "disp", "decal", "refl", "sharpness",
+        "Ka",
+        "Kd",
+        "Ks",
+        "Ke",
+        "Ns",
+        "Ni",
+        "d",
+        "Tr",
+        "Tf",
+        "illum",
+        "Pr",
+        "Pm",
+        "Ps",
+        "Pc",
+        "Pcr",
+        "aniso",
+        "anisor",
+        "map_Ka",
+        "map_Kd",
+        "map_Ks",
+        "map_Ke",
+        "map_Ns",
+        "map_d",
+        "map_Bump",
+        "map_Pr",
+        "map_Pm",
+        "map_Ps",
+        "map_Kn",
+        "bump",
+        "norm",
+        "disp",
+        "decal",
+        "refl",
+        "sharpness",
     ];
     KNOWN.into_iter().find(|known| known.eq_ignore_ascii_case(key)).unwrap_or(key)
 }

@@ -116,7 +116,8 @@ impl<'a> Conversion<'a> {
         let mut out = Map::new();
         let texture = self.texture("map_Kd", self.definition.values.diffuse_texture.as_deref());
         let unseen = self.definition.values.diffuse == Some([0.0; 3]) && texture.is_some();
-        let [r, g, b] = self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
+        let [r, g, b] =
+            self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
         if !unseen {
             self.said.insert("Kd");
         }

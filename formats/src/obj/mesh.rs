@@ -104,7 +104,8 @@ impl Builder {
 impl<'a> Source<'a> {
     fn of(mesh: &'a tobj::Mesh, color_scale: f32) -> Self {
         let triples = |values: &'a [f32]| values.chunks_exact(3).map(|c| [c[0], c[1], c[2]]);
-        let texcoord = |c: &[f32]| Some([c[0], 1.0 - c[1]]).filter(|_| DVec2::new(c[0].into(), c[1].into()).is_finite());
+        let texcoord =
+            |c: &[f32]| Some([c[0], 1.0 - c[1]]).filter(|_| DVec2::new(c[0].into(), c[1].into()).is_finite());
         let color = |c: [f32; 3]| Vec3::from(c).is_finite().then(|| c.map(|x| (x * color_scale).clamp(0.0, 1.0)));
         Source {
             mesh,

@@ -17,14 +17,8 @@ pub(super) enum Stream {
 }
 
 impl Stream {
-    const ALL: [Stream; 6] = [
-        Stream::Positions,
-        Stream::Normals,
-        Stream::Texcoords,
-        Stream::Colors,
-        Stream::Indices,
-        Stream::ShortIndices,
-    ];
+    const ALL: [Stream; 6] =
+        [Stream::Positions, Stream::Normals, Stream::Texcoords, Stream::Colors, Stream::Indices, Stream::ShortIndices];
 
     /// glTF's component type and type, and the bytes of an element.
     fn element(self) -> (u32, &'static str, usize) {

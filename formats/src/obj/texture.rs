@@ -26,8 +26,7 @@ pub(super) struct Statement {
 impl Statement {
     /// Takes a statement apart. Options may stand before or behind the file name, which may hold spaces.
     pub(super) fn parse(text: &str) -> Self {
-        let mut out =
-            Statement { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], clamp: false, strength: 1.0 };
+        let mut out = Statement { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], clamp: false, strength: 1.0 };
         let mut rest = out.options(text);
         while let Some(start) = option_inside(rest) {
             let (before, options) = rest.split_at(start);
@@ -145,7 +144,13 @@ pub(super) struct Textures {
 impl Textures {
     /// The glTF `textureInfo` of a statement in an MTL file of folder `base`. `None` with a warning where the file is
     /// neither PNG nor JPEG, which glTF does not allow. A missing file is a warning, and referred to all the same.
-    pub(super) fn info(&mut self, file: &Statement, base: &Path, files: &mut Files, notes: &mut Notes) -> Option<Value> {
+    pub(super) fn info(
+        &mut self,
+        file: &Statement,
+        base: &Path,
+        files: &mut Files,
+        notes: &mut Notes,
+    ) -> Option<Value> {
         let found = files.find(base, &file.file);
         let image = match &found {
             Some(path) => files.uri(path),
