@@ -54,7 +54,7 @@ pub struct Rays {
 /// Directions tried to find out whether a scene surrounds its middle.
 const PROBES: usize = 256;
 /// A view serves if at least one primary ray in this many hits something.
-const RAYS_PER_HIT: usize = 16;
+const RAYS_PER_HIT: usize = 64;
 /// How far rays from a surface start off it, in radii of the scene. More than the position error allowed by default.
 const OFFSET: f64 = 2e-5;
 
@@ -72,7 +72,7 @@ mod stream {
 /// Generates `count` rays of each kind; none for a scene without triangles.
 ///
 /// - Primary: a regular grid over the picture, jittered within its cells, of the file's first camera. If there is
-///   none, or fewer than one ray in sixteen hits anything, of the automatic camera ([`View::automatic`]); if that
+///   none, or fewer than one ray in 64 hits anything, of the automatic camera ([`View::automatic`]); if that
 ///   sees as little, from points of the sphere around the scene to points of random triangles.
 /// - Shadow: from the points the primary rays hit to random points of a square light ([`Stage::light`]).
 /// - Diffuse: from the same points, cosine-distributed about the normal on the side seen.
