@@ -41,16 +41,6 @@ pub(super) struct Chosen {
     pub(super) passes: Vec<Pass>,
 }
 
-impl Chosen {
-    /// Completes the report on the candidate that was written.
-    pub(super) fn record_error(&mut self, position_error_ratio: f64) {
-        let chosen = self.report.chosen;
-        if let Some(candidate) = self.report.candidates.iter_mut().find(|c| c.name == chosen) {
-            candidate.position_error_ratio = Some(position_error_ratio);
-        }
-    }
-}
-
 /// Chooses a layout and readies it for writing. Instances that could not be written out within `limit` (world units)
 /// become pinned.
 pub(super) fn choose(scene: &mut Scene, before: &Metrics, options: &BakeOptions, limit: f64) -> Chosen {

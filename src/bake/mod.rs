@@ -8,13 +8,13 @@ use std::path::Path;
 pub use choose::Choice;
 pub use clock::Stage;
 
-use raykiln_formats::Document;
 use raykiln_formats::document::Staged;
+use raykiln_formats::{Document, Warning};
 
 use crate::cost::{self, Metrics};
 use crate::emit;
 use crate::layout::{self, Layout, Method};
-use crate::report::{self, BakeReport, Input, Pass, Verdict};
+use crate::report::{self, BakeReport, Input, Pass, Seconds, Verdict};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::{self, Verification, VerifyOptions};
 use clock::Clock;
@@ -64,45 +64,43 @@ pub fn bake(
     clock.enter(Stage::Analyse);
     let before = measure_as_is(&scene);
     clock.enter(Stage::Optimise);
-    let diagonal = scene.bounds().diagonal();
-    let limit = options.verify.max_position_error_ratio * diagonal;
-    let mut chosen = choose::choose(&mut scene, &before, options, limit);
+    let limit = options.verify.max_position_error_ratio * scene.bounds().diagonal();
+    let chosen = choose::choose(&mut scene, &before, options, limit);
     clock.enter(Stage::Write);
     let written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
-    chosen.passes.extend(written.passes);
-
     clock.enter(Stage::Verify);
     let (after_scene, verification) = verify_staged(&scene, written.staged.path(), &options.verify)?;
     clock.enter(Stage::Analyse);
     let after = measure_as_is(&after_scene);
-    clock.enter(Stage::Verify);
-    let verdict = verdict(&verification, written.unchanged);
-    let output_bytes = written.staged.bytes();
-    let mut warnings: Vec<String> = doc.warnings.iter().chain(&scene_warnings).map(ToString::to_string).collect();
-    warnings.extend(written.staged.warnings.iter().map(ToString::to_string));
-    if verdict != Verdict::Failed {
-        written.staged.commit()?;
-    }
-    chosen.record_error(verification.position_error_ratio);
-    let mut notes = chosen.layout.notes;
-    notes.extend(written.notes);
-    Ok(BakeReport {
+
+    let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(input.to_owned(), &scene),
         output: output.to_owned(),
         before,
         after,
-        method: chosen.report,
-        passes: chosen.passes,
+        verdict: verdict(&verification, written.unchanged),
+        method: chosen.report.with_error(verification.position_error_ratio),
+        passes: [chosen.passes, written.passes].concat(),
         verify: verification,
-        verdict,
-        seconds: clock.stop(),
-        peak_memory_bytes: clock::peak_memory_bytes(),
-        output_bytes,
-        warnings,
-        notes,
-    })
+        seconds: Seconds::default(),
+        peak_memory_bytes: None,
+        output_bytes: written.staged.bytes(),
+        warnings: words(&[&doc.warnings, &scene_warnings, &written.staged.warnings]),
+        notes: [chosen.layout.notes, written.notes].concat(),
+    };
+    clock.enter(Stage::Write);
+    if report.verdict != Verdict::Failed {
+        written.staged.commit()?;
+    }
+    report.seconds = clock.stop();
+    report.peak_memory_bytes = clock::peak_memory_bytes();
+    Ok(report)
+}
+
+fn words(warnings: &[&[Warning]]) -> Vec<String> {
+    warnings.concat().iter().map(ToString::to_string).collect()
 }
 
 /// The metrics of a scene as it stands.

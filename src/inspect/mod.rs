@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::bake::measure_as_is;
 use crate::cost::overlap::{self, Pair};
 use crate::report::{self, Input, InspectReport, OverlappingPair};
-use crate::scene::{self, Bounds, Instance, LoadOptions, Mesh, Scene};
+use crate::scene::{self, Bounds, Instance, LoadOptions, Scene};
 
 /// Pairs that are listed.
 const WORST: usize = 10;
@@ -19,7 +19,7 @@ const WORST: usize = 10;
 pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, raykiln_formats::Error> {
     let doc = raykiln_formats::read(path)?;
     let (scene, warnings) = scene::load(&doc, options)?;
-    let boxes = instance_boxes(&scene);
+    let boxes = scene.instance_boxes();
     let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
     let worst_pairs: Vec<OverlappingPair> =
         worst_pairs(&boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
@@ -32,11 +32,6 @@ pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, rayk
         worst_pairs,
         warnings: doc.warnings.iter().chain(&warnings).map(ToString::to_string).collect(),
     })
-}
-
-fn instance_boxes(scene: &Scene) -> Vec<Bounds> {
-    let of_mesh: Vec<Bounds> = scene.meshes.iter().map(Mesh::bounds).collect();
-    scene.instances.iter().map(|i| of_mesh[i.mesh.0 as usize].transformed(&i.transform)).collect()
 }
 
 /// The pairs with the largest intersections, worst first. The threshold falls until enough pairs are above it, so

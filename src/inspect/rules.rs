@@ -190,7 +190,7 @@ mod tests {
     }
 
     fn rules(scene: &Scene) -> Vec<&'static str> {
-        let boxes = super::super::instance_boxes(scene);
+        let boxes = scene.instance_boxes();
         let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
         findings(scene, &boxes, &all, &[]).iter().map(|f| f.rule).collect()
     }

@@ -9,15 +9,14 @@ use super::{Content, Group, GroupGeometry, Layout, Placement};
 use crate::cost::tree::{Quality, Tree};
 use crate::scene::{Bounds, Scene, TriangleRef};
 
-/// Groups of more triangles than this are cut along the Morton curve before trees are built, which bounds the
-/// memory that a tree takes and shares the work among threads.
-const TREE_TRIANGLES: usize = 1 << 18;
+/// The most triangles of a group over which a tree is built for the sake of their order.
+const TREE_TRIANGLES: usize = 1 << 19;
 
 /// Sorts the triangles of every group that is rewritten, and the placements of baked groups, in the order of a tree.
 /// Baked groups come after all others, in the order of a tree over their world boxes.
 ///
-/// In a group of more than 2^18 triangles the upper levels of the tree are those of the Morton curve (C. Lauterbach
-/// et al., "Fast BVH Construction on GPUs", 2009).
+/// A group of more than 2^19 triangles follows the Morton curve, which is the order of a linear tree (C. Lauterbach et
+/// al., "Fast BVH Construction on GPUs", 2009): for an order it is as good, and it takes a tenth of the memory.
 pub fn order_by_tree(scene: &Scene, layout: &mut Layout) {
     let bounds: Vec<Bounds> = layout.groups.par_iter_mut().map(|group| order_group(scene, group)).collect();
     let baked = |group: &u32| matches!(layout.groups[*group as usize].content, Content::Baked { .. });
@@ -55,7 +54,7 @@ fn order_geometries(geometries: &mut [GroupGeometry], corners: &(impl Fn(Triangl
         .collect();
     let all: Vec<TriangleRef> = geometries.iter().flat_map(|g| g.triangles.iter().copied()).collect();
     let triangle_bounds = |i: u32| Bounds::of(corners(all[i as usize]));
-    let order = large_tree_order(all.len(), &triangle_bounds);
+    let order = order_items(all.len(), &triangle_bounds);
     geometries.iter_mut().for_each(|g| g.triangles.clear());
     for &i in &order.items {
         let geometry = ends.partition_point(|&end| end <= i as usize);
@@ -70,19 +69,15 @@ struct Ordered {
     bounds: Bounds,
 }
 
-fn large_tree_order(count: usize, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Ordered {
+fn order_items(count: usize, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Ordered {
     let items = (0..count as u32).into_par_iter();
-    let around = items.map(bounds).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
-    let mut items: Vec<u32> = (0..count as u32).collect();
     if count > TREE_TRIANGLES {
-        items = along_morton_curve(count, bounds, &around);
+        let around = items.map(bounds).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
+        return Ordered { items: along_morton_curve(count, bounds, &around), bounds: around };
     }
-    items.par_chunks_mut(TREE_TRIANGLES).for_each(|chunk| {
-        let boxes: Vec<Bounds> = chunk.iter().map(|&i| bounds(i)).collect();
-        let sorted: Vec<u32> = tree_order(&boxes).into_iter().map(|i| chunk[i as usize]).collect();
-        chunk.copy_from_slice(&sorted);
-    });
-    Ordered { items, bounds: around }
+    let boxes: Vec<Bounds> = items.map(bounds).collect();
+    let around = boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b));
+    Ordered { items: tree_order(&boxes), bounds: around }
 }
 
 /// The items by the Morton codes of their boxes' centres, 21 bits an axis, then by number.
@@ -175,16 +170,15 @@ mod tests {
 
     #[test]
     fn large_groups_follow_the_morton_curve() {
-        let count = 2 * TREE_TRIANGLES + 17;
+        let count = TREE_TRIANGLES + 17;
         let x = |i: u32| f64::from(i.wrapping_mul(2_654_435_761));
         let bounds = |i: u32| Bounds { min: DVec3::X * x(i), max: DVec3::X * x(i) + DVec3::splat(1e6) };
-        let ordered = large_tree_order(count, &bounds);
+        let ordered = order_items(count, &bounds);
         let mut items = ordered.items.clone();
         items.sort_unstable();
         assert!(items.into_iter().eq(0..count as u32));
-        let middle = |chunk: &[u32]| chunk.iter().map(|&i| x(i)).sum::<f64>() / chunk.len() as f64;
-        let middles: Vec<f64> = ordered.items.chunks(TREE_TRIANGLES).map(middle).collect();
-        assert!(middles.is_sorted(), "{middles:?}");
+        let cell = (f64::from(u32::MAX) + 1e6) / f64::from(1 << 21);
+        assert!(ordered.items.windows(2).all(|w| x(w[0]) <= x(w[1]) + 2.0 * cell));
     }
 
     #[test]

@@ -15,9 +15,12 @@
 //!   part undivided: in the middle branch all of it merges with what the other object has inside the overlap. A pair
 //!   of two such objects is passed over unless they merge.
 //! - An object with all triangles or none inside the overlap is split in the middle, and nothing of it merges.
-//! - The layout of the round with the least overlap wins, so that no scene ends with more than it began with.
+//! - The layout of the round with the least overlap wins, and only if it lowers that of the input (whose instances may
+//!   hold several objects each), so that no scene ends with more than it began with.
 //!
 //! Overlaps are held against the box of the whole scene, and the ratio counts instances that stay as they are.
+
+use rayon::prelude::*;
 
 use super::builder::Builder;
 use super::instancing::bake_within_limits;
@@ -30,10 +33,10 @@ use crate::scene::{Bounds, Scene};
 const MOST_ROUNDS: usize = 256;
 
 /// Pairs that one round may queue; where more could be found, only the objects with the largest boxes take part.
-const MOST_PAIRS: usize = 1 << 23;
+const MOST_PAIRS: usize = 1 << 21;
 
 /// As many objects cannot form more than [`MOST_PAIRS`] pairs.
-const FEW_OBJECTS: usize = 1 << 12;
+const FEW_OBJECTS: usize = 1 << 11;
 
 /// Splits and merges objects to lower the overlap ratio.
 pub(super) fn overlap(scene: &Scene, options: &Options) -> Layout {
@@ -41,8 +44,14 @@ pub(super) fn overlap(scene: &Scene, options: &Options) -> Layout {
         let mut layout = Builder::new(scene);
         selection.left().for_each(|instance| layout.keep(instance));
         let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
-        let groups = reduction.least_overlap();
-        reduction.pieces.emit(&groups, &mut layout);
+        let (groups, least) = reduction.least_overlap();
+        let input = overlap::ratio(&scene.instance_boxes());
+        if least < input {
+            reduction.pieces.emit(&groups, &mut layout);
+        } else {
+            selection.baked().for_each(|instance| layout.keep(instance));
+            layout.note(format!("no round lowers the overlap ratio below the {input:.3} of the input"));
+        }
         layout.finish()
     })
 }
@@ -82,8 +91,8 @@ impl<'a> Reduction<'a> {
         Reduction { pieces, options, live: (0..bodies.len()).collect(), bodies }
     }
 
-    /// Runs the rounds; gives the pieces of each body of the best one.
-    fn least_overlap(&mut self) -> Vec<Vec<Piece>> {
+    /// Runs the rounds; gives the pieces of each body of the best one, and its overlap ratio.
+    fn least_overlap(&mut self) -> (Vec<Vec<Piece>>, f64) {
         let (mut best, mut least) = (self.live.clone(), f64::INFINITY);
         for _ in 0..MOST_ROUNDS {
             let ratio = self.overlap_ratio();
@@ -94,7 +103,7 @@ impl<'a> Reduction<'a> {
                 break;
             }
         }
-        best.into_iter().map(|body| self.bodies[body].pieces.clone()).collect()
+        (best.into_iter().map(|body| self.bodies[body].pieces.clone()).collect(), least)
     }
 
     fn overlap_ratio(&self) -> f64 {
@@ -135,7 +144,7 @@ impl<'a> Reduction<'a> {
         }
         let boxes: Vec<Bounds> = places.iter().map(|&place| bounds_at(place)).collect();
         let mut pairs = overlap::pairs(&boxes, min_ratio * self.pieces.scene_area);
-        pairs.sort_by(|a, b| b.area.total_cmp(&a.area));
+        pairs.par_sort_by(|a, b| b.area.total_cmp(&a.area));
         let task = |pair: overlap::Pair| Task { places: [pair.a, pair.b].map(|i| places[i as usize]), area: pair.area };
         pairs.into_iter().map(task).collect()
     }
@@ -311,7 +320,8 @@ mod tests {
         let lamp = builder.mesh("lamp", vec![(0, row(Vec3::Y, 9)), (1, row(Vec3::Y * 5.0, 9))]);
         builder.place(lamp, "lamp", DAffine3::IDENTITY);
         let layout = checked(&builder.scene(), &with_ratios(0.0, 0.25, 0.5));
-        assert_eq!(group_names(&layout), ["kept a", "piece lamp.0", "piece lamp.1"]);
+        assert_eq!(group_names(&layout), ["kept a", "kept lamp"]);
+        assert!(layout.notes[0].contains("no round lowers the overlap ratio"), "{:?}", layout.notes);
     }
 
     #[test]

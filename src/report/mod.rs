@@ -202,6 +202,16 @@ pub enum Severity {
     Error,
 }
 
+impl MethodReport {
+    /// Completes the entry of the candidate that was written.
+    pub fn with_error(mut self, position_error_ratio: f64) -> Self {
+        if let Some(candidate) = self.candidates.iter_mut().find(|c| c.name == self.chosen) {
+            candidate.position_error_ratio = Some(position_error_ratio);
+        }
+        self
+    }
+}
+
 impl Input {
     /// Counts a scene.
     pub fn of(path: PathBuf, scene: &Scene) -> Input {

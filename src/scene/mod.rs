@@ -188,12 +188,15 @@ impl Scene {
         self.instances.iter().map(|i| self.meshes[i.mesh.0 as usize].geometries.len() as u64).sum()
     }
 
-    /// Box around the transformed boxes of all instances, as a driver computes it: never smaller than the box around
-    /// all placed triangles.
-    pub fn bounds(&self) -> Bounds {
+    /// World boxes of all instances: their meshes' boxes transformed, as a driver computes them.
+    pub fn instance_boxes(&self) -> Vec<Bounds> {
         let of_mesh: Vec<Bounds> = self.meshes.iter().map(Mesh::bounds).collect();
-        let boxes = self.instances.iter().map(|i| of_mesh[i.mesh.0 as usize].transformed(&i.transform));
-        boxes.fold(Bounds::EMPTY, |all, b| all.union(&b))
+        self.instances.iter().map(|i| of_mesh[i.mesh.0 as usize].transformed(&i.transform)).collect()
+    }
+
+    /// Box around the boxes of all instances: never smaller than the box around all placed triangles.
+    pub fn bounds(&self) -> Bounds {
+        self.instance_boxes().iter().fold(Bounds::EMPTY, |all, b| all.union(b))
     }
 
     /// Pins instances, and the other copies of their nodes: one list of transforms serves all copies of a node, so

@@ -116,7 +116,7 @@ mod tests {
         let ray = Ray::endless(DVec3::new(-1.0, 0.25, 0.0), DVec3::X);
         let flat = Approach::new(&ray, &TRIANGLE);
         assert_eq!((flat.through, flat.to_edge, flat.height), (false, 0.0, 0.0));
-        assert!(flat.explains(1.0, 0.0) && flat.explains(1.9, 0.0) && !flat.explains(2.7, 0.1));
+        assert!(flat.explains(1.0, 0.0) && flat.explains(1.9, 0.0) && !flat.explains(3.5, 0.1));
     }
 
     #[test]

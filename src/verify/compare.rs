@@ -245,12 +245,16 @@ impl<'a> Comparison<'a> {
             (Silhouette, _) | (_, Silhouette) => tally.silhouettes += 1,
             (Tie, _) | (_, Tie) => tally.ties += 1,
         }
-        let apart = match (&doubt.before, &doubt.after) {
-            (None, None) => 0.0,
-            (Some(before), Some(after)) => (before.distance - after.distance).abs(),
-            _ => f64::INFINITY,
-        };
-        tally.far_hits += u64::from(apart > FAR_RATIO * self.radius);
+        tally.far_hits += u64::from(self.is_far(doubt));
+    }
+
+    /// Whether the hits lie farther apart than rounding moves a hit along a surface.
+    fn is_far(&self, doubt: &Doubt) -> bool {
+        match (&doubt.before, &doubt.after) {
+            (None, None) => false,
+            (Some(before), Some(after)) => (before.distance - after.distance).abs() > FAR_RATIO * self.radius,
+            _ => true,
+        }
     }
 
     fn claim(&self, side: &Side, ray: &Ray, hit: &Hit) -> Claim {

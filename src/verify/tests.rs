@@ -195,6 +195,17 @@ fn a_repeated_triangle_is_caught() {
 }
 
 #[test]
+fn a_fault_that_no_ray_can_reach_is_caught() {
+    let flat = |x| {
+        let squashed = DAffine3::from_translation(DVec3::X * x) * DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
+        scene(vec![cube(0, None)], &[(0, squashed)])
+    };
+    assert_eq!(exactly(&flat(0.0), &flat(0.1)).moved.count, 12);
+    assert_eq!(mismatches_seen(&flat(0.0), &flat(0.1)), 0);
+    assert!(!verify(&flat(0.0), &flat(0.1), &options()).passed());
+}
+
+#[test]
 fn a_flipped_triangle_is_caught() {
     let mut after = room();
     after.meshes[0].geometries[0].triangles[5].swap(0, 1);

@@ -78,21 +78,23 @@ impl View {
     }
 
     /// A view for scenes without a camera. In an interior from the middle along the longer horizontal side; else
-    /// from outside, in front, above and to the right, so far that the sphere around the scene's box is seen whole.
+    /// from outside, in front, above and to the right, just so far that all corners of the scene's box are seen.
     pub fn automatic(stage: &Stage) -> View {
         let size = stage.bounds.size();
-        let (eye, back, field) = if stage.enclosed {
-            (stage.center, if size.x > size.z { DVec3::X } else { DVec3::Z }, FIELD_INSIDE)
+        let (back, field) = if stage.enclosed {
+            (if size.x > size.z { DVec3::X } else { DVec3::Z }, FIELD_INSIDE)
         } else {
-            let back = DVec3::new(0.5, 0.45, 0.74).normalize();
-            (stage.center + back * (stage.radius / (0.5 * FIELD_OUTSIDE).sin()), back, FIELD_OUTSIDE)
+            (DVec3::new(0.5, 0.45, 0.74).normalize(), FIELD_OUTSIDE)
         };
         let right = DVec3::Y.cross(back).normalize();
+        let axes = DMat3::from_cols(right, back.cross(right), back);
         let half = (0.5 * field).tan();
+        let half = [half * ASPECT_RATIO, half];
+        let distance = if stage.enclosed { 0.0 } else { distance_to_see(0.5 * size, &axes, half).max(stage.radius) };
         View {
             name: if stage.enclosed { "automatic, inside".into() } else { "automatic, outside".into() },
-            transform: DAffine3 { matrix3: DMat3::from_cols(right, back.cross(right), back), translation: eye },
-            projection: Projection::Perspective { half: [half * ASPECT_RATIO, half] },
+            transform: DAffine3 { matrix3: axes, translation: stage.center + distance * back },
+            projection: Projection::Perspective { half },
         }
     }
 
@@ -113,6 +115,13 @@ impl View {
     }
 }
 
+/// How far from the middle of a box, given half its size, a camera with some axes sees all corners.
+fn distance_to_see(half_size: DVec3, axes: &DMat3, half: [f64; 2]) -> f64 {
+    let signs = |i: u32| DVec3::from_array([1, 2, 4].map(|bit| if i & bit != 0 { 1.0 } else { -1.0 }));
+    let corners = (0..8).map(|i| axes.transpose() * (half_size * signs(i)));
+    corners.map(|c| c.z + (c.x.abs() / half[0]).max(c.y.abs() / half[1])).fold(0.0, f64::max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -129,12 +138,18 @@ mod tests {
     }
 
     #[test]
-    fn the_outside_view_looks_at_the_middle_from_beyond_the_sphere() {
+    fn the_outside_view_looks_at_the_middle_and_just_sees_all_corners() {
         let stage = unit_stage(false);
-        let (origin, direction) = View::automatic(&stage).ray([0.0, 0.0]);
-        let to_middle = stage.center - origin;
-        assert!(to_middle.length() > stage.radius);
-        assert!(direction.normalize().distance(to_middle.normalize()) < 1e-12);
+        let view = View::automatic(&stage);
+        let (origin, direction) = view.ray([0.0, 0.0]);
+        assert!(direction.normalize().distance((stage.center - origin).normalize()) < 1e-12);
+        let to_view = view.transform.inverse();
+        let in_picture = (0..8).map(|i| {
+            let corner = DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2) * 2.0);
+            let p = to_view.transform_point3(corner);
+            (p.x / (-p.z * view.aspect_ratio())).abs().max((p.y / -p.z).abs()) / (0.5 * FIELD_OUTSIDE).tan()
+        });
+        assert!((in_picture.fold(0.0, f64::max) - 1.0).abs() < 1e-9);
     }
 
     #[test]
