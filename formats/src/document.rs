@@ -164,7 +164,7 @@ impl Document {
     /// Removes meshes no node refers to, then accessors and buffer views nothing refers to, and renumbers the
     /// rest. Nodes, materials and everything else keep their index.
     pub fn compact(&mut self) -> Compacted {
-        crate::gltf::edit::compact(self)
+        crate::gltf::compact::compact(self)
     }
 
     /// Writes the document as `.glb`, or `.gltf` with one `.bin` and its images, into a hidden folder beside
@@ -190,6 +190,10 @@ impl Document {
 #[derive(Debug)]
 pub struct Staged {
     pub(crate) folder: tempfile::TempDir,
+    /// The folder of the final names.
+    pub(crate) target: PathBuf,
     /// Files in `folder`, each with its final path; the scene file itself comes last.
     pub(crate) files: Vec<(PathBuf, PathBuf)>,
+    /// What could not be carried along, such as images that are missing.
+    pub warnings: Vec<Warning>,
 }

@@ -168,4 +168,3 @@ fn verdict(verification: &Verification, unchanged: bool) -> Verdict {
     let spread = kinds.iter().map(|k| k.spread_ratio).fold(0.0, f64::max);
     if mean_log.exp() > 1.0 + spread { Verdict::Faster } else { Verdict::NotFaster }
 }
-

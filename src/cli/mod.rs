@@ -97,18 +97,18 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     for file in &arguments.report {
         fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
     }
-    if arguments.json {
-        print(json.as_bytes())
-    } else {
-        print(report::text::inspect(&report).as_bytes())
-    }
+    if arguments.json { print(json.as_bytes()) } else { print(report::text::inspect(&report).as_bytes()) }
 }
 
 /// Refuses report files of a kind that cannot be written, before any work is done.
 fn check_reports(files: &[PathBuf]) -> Result<()> {
     for file in files {
         let is_json = |f: &Path| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-        anyhow::ensure!(is_json(file), "--report {}: only reports with the extension .json can be written", file.display());
+        anyhow::ensure!(
+            is_json(file),
+            "--report {}: only reports with the extension .json can be written",
+            file.display()
+        );
     }
     Ok(())
 }

@@ -28,7 +28,8 @@ impl Progress {
         }
         self.bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()).with_message(stage);
         self.bar.set_style(
-            ProgressStyle::with_template("{spinner} {msg} {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner()),
+            ProgressStyle::with_template("{spinner} {msg} {elapsed}")
+                .unwrap_or_else(|_| ProgressStyle::default_spinner()),
         );
         let (done, is_done) = std::sync::mpsc::channel();
         self.waiting = Some(done);

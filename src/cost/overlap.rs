@@ -46,18 +46,19 @@ pub fn pairs(boxes: &[Bounds], min_area: f64) -> Vec<Pair> {
     pairs
 }
 
+/// Sum of the surface areas of the intersections of all pairs of boxes, in squared units. Boxes that are empty or not
+/// finite do not count.
+pub fn shared_area(boxes: &[Bounds]) -> f64 {
+    Index::over(boxes).shared_area()
+}
+
 /// Sum of the surface areas of the intersections of all pairs of boxes over the surface area of the box around all;
 /// at least 0, best 0, without upper limit. Boxes that are empty or not finite do not count; 0 where the box around
 /// all has no area. It says nothing about what is in the boxes.
 pub fn ratio(boxes: &[Bounds]) -> f64 {
     let index = Index::over(boxes);
-    let scene_area = index.volumes.first().map_or(0.0, |root| root.around.area());
-    if scene_area <= 0.0 || !scene_area.is_finite() {
-        return 0.0;
-    }
-    let sums =
-        index.map_chunks(|query: &Item, at, stack, sum: &mut f64| *sum += index.overlap_with_later(query, at, stack));
-    sums.iter().sum::<f64>() / scene_area
+    let scene = index.volumes.first().map_or(0.0, |root| root.around.area());
+    super::share(index.shared_area(), scene)
 }
 
 /// A box and its number in the input.
@@ -94,12 +95,8 @@ const CHUNK: usize = 512;
 
 impl Index {
     fn over(boxes: &[Bounds]) -> Index {
-        let usable = |b: &Bounds| !b.is_empty() && b.min.is_finite() && b.max.is_finite();
-        let ids: Vec<u32> = (0..boxes.len() as u32).filter(|&i| usable(&boxes[i as usize])).collect();
-        let usable: Vec<Bounds> = ids.iter().map(|&i| boxes[i as usize]).collect();
-        let mut tree = Tree::build(&usable, Quality::Fast);
-        let item = |&i: &u32| Item { id: ids[i as usize], bounds: usable[i as usize] };
-        let items: Vec<Item> = tree.order.iter().map(item).collect();
+        let mut tree = Tree::build_usable(boxes, Quality::Fast);
+        let items: Vec<Item> = tree.order.iter().map(|&id| Item { id, bounds: boxes[id as usize] }).collect();
         tree.order = (0..items.len() as u32).collect();
         let volumes = tree.refit(|places| Volume::of(&items, places), Volume::join);
         Index { items, tree, volumes }
@@ -139,8 +136,15 @@ impl Index {
         }
     }
 
+    /// Sum of the surface areas of all pairs' intersections.
+    fn shared_area(&self) -> f64 {
+        let add =
+            |query: &Item, at, stack: &mut Vec<u32>, sum: &mut f64| *sum += self.shared_with_later(query, at, stack);
+        self.map_chunks(add).iter().sum()
+    }
+
     /// Sum of the surface areas of an item's intersections with the items behind its place.
-    fn overlap_with_later(&self, query: &Item, at: usize, stack: &mut Vec<u32>) -> f64 {
+    fn shared_with_later(&self, query: &Item, at: usize, stack: &mut Vec<u32>) -> f64 {
         let (mut whole, mut single) = (0.0, 0.0);
         let enter = |volume: &Volume| {
             if volume.first as usize > at {

@@ -12,6 +12,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
 
 use crate::scene::Bounds;
 
@@ -22,6 +23,27 @@ pub enum Quality {
     Fast,
     /// For a cost, and for tracing.
     Medium,
+    /// For a cost, with one item in each leaf, as a TLAS holds instances.
+    Instances,
+}
+
+impl Quality {
+    /// How the tree is clustered, optimised, and collapsed into leaves.
+    fn params(self) -> BvhBuildParams {
+        match self {
+            Quality::Fast => BvhBuildParams::very_fast_build(),
+            Quality::Medium => BvhBuildParams::medium_build(),
+            Quality::Instances => BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() },
+        }
+    }
+
+    /// Items of a leaf among boxes that cannot be told apart.
+    fn equal_leaf(self) -> usize {
+        match self {
+            Quality::Fast | Quality::Medium => 4,
+            Quality::Instances => 1,
+        }
+    }
 }
 
 /// A node of a [`Tree`].
@@ -69,9 +91,23 @@ impl Tree {
     ///
     /// Departs from the papers where many boxes share one Morton cell (equal triangles, or a far outlier that
     /// squeezes the rest of the scene into a few cells): clustering such boxes takes quadratic time, so that they
-    /// enter the tree as one item and become a tree of their own, scaled to their own extent.
+    /// enter the tree as one item and become a tree of their own, scaled to their own extent. So do the parts of very
+    /// many boxes, which takes less memory and all threads.
     pub fn build(boxes: &[Bounds], quality: Quality) -> Tree {
         build_over(boxes, (0..boxes.len() as u32).collect(), quality)
+    }
+
+    /// Builds a tree over those boxes that are not empty and small enough for areas to be finite; item `i` is
+    /// `boxes[i]`, and `order` lacks the others.
+    pub fn build_usable(boxes: &[Bounds], quality: Quality) -> Tree {
+        let usable = |b: &Bounds| !b.is_empty() && b.min.abs().max(b.max.abs()).max_element() < LARGEST;
+        build_over(boxes, (0..boxes.len() as u32).filter(|&i| usable(&boxes[i as usize])).collect(), quality)
+    }
+
+    /// The box around the items below every node, given the boxes of all items; parallel to `nodes`.
+    pub fn bounds(&self, boxes: &[Bounds]) -> Vec<Bounds> {
+        let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+        self.refit(around, Bounds::union)
     }
 
     /// Computes a value for every node from the bottom up, such as its box: `leaf` from the items of a leaf (in
@@ -114,13 +150,17 @@ impl Tree {
 
 /// More boxes than this in one Morton cell are clustered apart.
 const CROWD: usize = 64;
-/// Items of a leaf among equal boxes.
-const EQUAL_LEAF: usize = 4;
+/// More boxes than this are clustered in parts.
+const PART: usize = 1 << 22;
+/// Coordinates below this have finite products.
+const LARGEST: f64 = 1e150;
 
-/// What a tree is built over: a box, or many boxes with a tree of their own.
-enum Item {
-    One(u32),
-    Crowd(Tree),
+/// What a tree is clustered over: boxes, and after them trees of many boxes.
+struct Items<'a> {
+    boxes: &'a [Bounds],
+    ones: Vec<u32>,
+    crowds: Vec<Tree>,
+    crowd_bounds: Vec<Bounds>,
 }
 
 /// A part of a tree still to be written out.
@@ -130,21 +170,56 @@ enum Part<'a> {
     Crowd(&'a Tree, usize),
 }
 
+impl Items<'_> {
+    /// The tree of many boxes that item `i` is, if it is not one box.
+    fn crowd(&self, i: u32) -> Option<&Tree> {
+        (i as usize).checked_sub(self.ones.len()).map(|crowd| &self.crowds[crowd])
+    }
+
+    fn bounds(&self) -> impl Iterator<Item = &Bounds> {
+        self.ones.iter().map(|&i| &self.boxes[i as usize]).chain(&self.crowd_bounds)
+    }
+}
+
 /// The tree over some of the boxes.
 fn build_over(boxes: &[Bounds], members: Vec<u32>, quality: Quality) -> Tree {
-    let bounds_of = |members: &[u32]| members.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
-    let all = bounds_of(&members);
-    let (mut items, crowds) = crowded_cells(boxes, &members);
-    if let [crowd] = crowds.as_slice()
-        && crowd.len() == members.len()
-    {
-        return halved(members);
+    if members.len() > PART {
+        return join_crowds(boxes, Vec::new(), parts(boxes, members, PART), quality);
     }
-    let mut item_bounds: Vec<Bounds> = items.iter().map(|&i| boxes[i as usize]).collect();
-    item_bounds.extend(crowds.iter().map(|c| bounds_of(c)));
-    let mut wrapped: Vec<Item> = items.drain(..).map(Item::One).collect();
-    wrapped.extend(crowds.into_iter().map(|c| Item::Crowd(build_over(boxes, c, quality))));
-    cluster(&wrapped, &item_bounds, &all, quality)
+    let (ones, crowds) = crowded_cells(boxes, &members);
+    if ones.is_empty() && crowds.len() == 1 {
+        return halved(members, quality.equal_leaf());
+    }
+    drop(members);
+    join_crowds(boxes, ones, crowds, quality)
+}
+
+/// The tree over single boxes and over crowds, each with a tree of its own.
+fn join_crowds(boxes: &[Bounds], ones: Vec<u32>, crowds: Vec<Vec<u32>>, quality: Quality) -> Tree {
+    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+    let crowd_bounds = crowds.iter().map(around).collect();
+    let crowds = crowds.into_par_iter().map(|crowd| build_over(boxes, crowd, quality)).collect();
+    cluster(&Items { boxes, ones, crowds, crowd_bounds }, quality)
+}
+
+/// Halves members along the longest axis of their centroids until no part is too large, so that parts are clustered
+/// side by side and memory stays within that of a few.
+fn parts(boxes: &[Bounds], members: Vec<u32>, largest: usize) -> Vec<Vec<u32>> {
+    if members.len() <= largest {
+        return vec![members];
+    }
+    let center = |i: u32| boxes[i as usize].center();
+    let extent = Bounds::of(members.iter().map(|&i| center(i))).size();
+    let axis = extent.max_position();
+    let mut left = members;
+    let middle = left.len() / 2;
+    left.select_nth_unstable_by(middle, |&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
+    let mut right = left.split_off(middle);
+    left.sort_unstable();
+    right.sort_unstable();
+    let (mut left, right) = rayon::join(|| parts(boxes, left, largest), || parts(boxes, right, largest));
+    left.extend(right);
+    left
 }
 
 /// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
@@ -174,11 +249,11 @@ fn crowded_cells(boxes: &[Bounds], members: &[u32]) -> (Vec<u32>, Vec<Vec<u32>>)
 }
 
 /// A balanced tree over boxes that cannot be told apart.
-fn halved(members: Vec<u32>) -> Tree {
+fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
     let mut tree = Tree { nodes: vec![Node { first: 0, count: 0 }], order: Vec::new() };
     let mut stack = vec![(0..members.len(), 0)];
     while let Some((range, to)) = stack.pop() {
-        if range.len() <= EQUAL_LEAF {
+        if range.len() <= leaf_items {
             tree.nodes[to] = Node { first: range.start as u32, count: range.len() as u32 };
         } else {
             let middle = range.start + range.len() / 2;
@@ -191,13 +266,9 @@ fn halved(members: Vec<u32>) -> Tree {
 }
 
 /// The tree of locally ordered clustering, with the trees of crowds grafted in.
-fn cluster(items: &[Item], bounds: &[Bounds], all: &Bounds, quality: Quality) -> Tree {
-    let params = match quality {
-        Quality::Fast => BvhBuildParams::very_fast_build(),
-        Quality::Medium => BvhBuildParams::medium_build(),
-    };
-    let bvh = build_bvh2(&in_unit_cube(bounds, all), params, &mut Duration::default());
-    let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.len()) };
+fn cluster(items: &Items, quality: Quality) -> Tree {
+    let bvh = build_bvh2(&in_unit_cube(items), quality.params(), &mut Duration::default());
+    let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.ones.len()) };
     if bvh.nodes.is_empty() {
         return tree;
     }
@@ -222,7 +293,7 @@ enum Opened<'a> {
 }
 
 impl<'a> Part<'a> {
-    fn open(self, items: &'a [Item]) -> Opened<'a> {
+    fn open(self, items: &'a Items) -> Opened<'a> {
         match self {
             Part::Clustered(bvh, at) => {
                 let node = &bvh.nodes[at];
@@ -232,8 +303,8 @@ impl<'a> Part<'a> {
                     count => Part::Listed(&bvh.primitive_indices[first..first + count]).open(items),
                 }
             }
-            Part::Listed(list) => match (list, list.first().map(|&i| &items[i as usize])) {
-                ([_], Some(Item::Crowd(tree))) => Part::Crowd(tree, 0).open(items),
+            Part::Listed(list) => match (list, list.first().and_then(|&i| items.crowd(i))) {
+                ([_], Some(tree)) => Part::Crowd(tree, 0).open(items),
                 _ => match singles(list, items) {
                     Some(members) => Opened::Leaf(members),
                     None => {
@@ -255,23 +326,19 @@ impl<'a> Part<'a> {
 }
 
 /// The boxes of listed items, unless one of them is a crowd.
-fn singles(list: &[u32], items: &[Item]) -> Option<Vec<u32>> {
-    list.iter()
-        .map(|&i| match items[i as usize] {
-            Item::One(member) => Some(member),
-            Item::Crowd(_) => None,
-        })
-        .collect()
+fn singles(list: &[u32], items: &Items) -> Option<Vec<u32>> {
+    list.iter().map(|&i| items.ones.get(i as usize).copied()).collect()
 }
 
 /// The boxes moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
 /// builder's single precision.
-fn in_unit_cube(boxes: &[Bounds], all: &Bounds) -> Vec<Boxed> {
+fn in_unit_cube(items: &Items) -> Vec<Boxed> {
+    let all = items.bounds().fold(Bounds::EMPTY, |all, b| all.union(b));
     let center = all.center();
-    let extent = all.size().max_element();
-    let scale = if extent > 0.0 { 1.0 / extent } else { 0.0 };
+    let scale = 1.0 / all.size().max_element();
+    let scale = if scale.is_finite() { scale } else { 0.0 };
     let point = |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
-    boxes.iter().map(|b| Boxed(Aabb::new(point(b.min), point(b.max)))).collect()
+    items.bounds().map(|b| Boxed(Aabb::new(point(b.min), point(b.max)))).collect()
 }
 
 #[cfg(test)]
@@ -341,18 +408,60 @@ mod tests {
         let tree = Tree::build(&boxes, Quality::Medium);
         assert_each_item_once(&tree, boxes.len());
         assert!(tree.depth() < 96, "depth {}", tree.depth());
-        let areas = tree
-            .refit(|items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])), |a, b| a.union(b));
-        let small = areas.iter().filter(|b| b.size().max_element() < 16.0).count();
+        let small = tree.bounds(&boxes).iter().filter(|b| b.size().max_element() < 16.0).count();
         assert!(small > 20_000, "only {small} small nodes");
+    }
+
+    #[test]
+    fn each_instance_has_its_own_leaf() {
+        let mut boxes = unit_boxes((0..300).map(|i| dvec3((i % 7) as f64, (i % 11) as f64, 0.0)));
+        boxes.extend(unit_boxes([dvec3(0.5, 0.5, 0.5); 200]));
+        let tree = Tree::build(&boxes, Quality::Instances);
+        assert_each_item_once(&tree, boxes.len());
+        assert!(tree.nodes.iter().all(|n| n.count <= 1));
+        assert_eq!(tree.nodes.len(), 2 * boxes.len() - 1);
+    }
+
+    #[test]
+    fn parts_join_to_a_tree_nearly_as_good_as_one_built_whole() {
+        let at = |i: u32| dvec3(f64::from(i * 7919 % 101), f64::from(i * 104_729 % 97), f64::from(i % 31));
+        let boxes = unit_boxes((0..20_000).map(at));
+        let members: Vec<u32> = (0..boxes.len() as u32).collect();
+        let parts = parts(&boxes, members.clone(), 3000);
+        assert_eq!((parts.len(), parts.iter().map(Vec::len).max()), (8, Some(2500)));
+        let joined = join_crowds(&boxes, vec![], parts, Quality::Medium);
+        assert_each_item_once(&joined, boxes.len());
+        let whole = build_over(&boxes, members, Quality::Medium);
+        let cost = |tree| crate::cost::sah::cost(tree, &boxes);
+        assert!(cost(&joined) < 1.1 * cost(&whole), "{} for {}", cost(&joined), cost(&whole));
+        let equal = vec![boxes[0]; 1000];
+        let halves = super::parts(&equal, (0..1000).collect(), 300);
+        assert_each_item_once(&join_crowds(&equal, vec![], halves, Quality::Instances), 1000);
+    }
+
+    #[test]
+    fn boxes_beyond_measure_are_left_out() {
+        let mut boxes = unit_boxes((0..10).map(|i| dvec3(i as f64, 0.0, 0.0)));
+        boxes[3] = Bounds::EMPTY;
+        boxes[5].max.y = f64::INFINITY;
+        boxes[6].min.z = f64::NAN;
+        boxes[8] = Bounds { min: DVec3::splat(-1e300), max: DVec3::splat(1e300) };
+        let mut order = Tree::build_usable(&boxes, Quality::Instances).order;
+        order.sort_unstable();
+        assert_eq!(order, [0, 1, 2, 4, 7, 9]);
+    }
+
+    #[test]
+    fn boxes_of_the_smallest_sizes_give_a_tree() {
+        let tiny = |i: u32| Bounds { min: DVec3::ZERO, max: DVec3::splat(f64::from(i) * 5e-324) };
+        let boxes: Vec<Bounds> = (0..100).map(tiny).collect();
+        assert_each_item_once(&Tree::build(&boxes, Quality::Medium), boxes.len());
     }
 
     #[test]
     fn refit_bounds_every_item() {
         let boxes = unit_boxes((0..500).map(|i| dvec3((i % 23) as f64, (i % 17) as f64, (i % 5) as f64)));
         let tree = Tree::build(&boxes, Quality::Medium);
-        let bounds = tree
-            .refit(|items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])), |a, b| a.union(b));
-        assert_eq!(bounds[0], boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b)));
+        assert_eq!(tree.bounds(&boxes)[0], boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b)));
     }
 }

@@ -15,7 +15,6 @@ const MOST_SHORT_VERTICES: usize = 65_535;
 
 /// The primitives of a scene, with their attributes at hand.
 pub(super) struct Sources<'a> {
-    doc: &'a Document,
     scene: &'a Scene,
     /// By mesh, then geometry.
     attributes: Vec<Vec<Vec<Attribute<'a>>>>,
@@ -50,7 +49,7 @@ impl<'a> Sources<'a> {
                 mesh.geometries.iter().map(|g| doc.attributes(source, g.primitive as usize)).collect()
             })
             .collect();
-        Sources { doc, scene, attributes }
+        Sources { scene, attributes }
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::bake::measure_as_is;
 use crate::cost::overlap::{self, Pair};
-use crate::report::{self, InspectReport, Input, OverlappingPair};
+use crate::report::{self, Input, InspectReport, OverlappingPair};
 use crate::scene::{self, Bounds, Instance, LoadOptions, Mesh, Scene};
 
 /// Pairs that are listed.
@@ -21,7 +21,8 @@ pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, rayk
     let (scene, warnings) = scene::load(&doc, options)?;
     let boxes = instance_boxes(&scene);
     let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
-    let worst_pairs = worst_pairs(&boxes, all.area()).into_iter().map(|p| named(&scene, &p, all.area())).collect();
+    let worst_pairs: Vec<OverlappingPair> =
+        worst_pairs(&boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
     Ok(InspectReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),

@@ -41,10 +41,14 @@ fn finding(rule: &'static str, severity: Severity, object: impl Into<String>, me
 }
 
 fn overlapping(worst: &[OverlappingPair]) -> Vec<Finding> {
-    worst.iter().filter(|p| p.overlap_ratio > OVERLAP_RATIO).map(|p| {
-        let message = format!("its box overlaps that of `{}` by {:.4} of the scene's area", p.b, p.overlap_ratio);
-        finding("RK001", Severity::Warning, &p.a, message)
-    }).collect()
+    worst
+        .iter()
+        .filter(|p| p.overlap_ratio > OVERLAP_RATIO)
+        .map(|p| {
+            let message = format!("its box overlaps that of `{}` by {:.4} of the scene's area", p.b, p.overlap_ratio);
+            finding("RK001", Severity::Warning, &p.a, message)
+        })
+        .collect()
 }
 
 /// Meshes with equal vertices and triangles that could be one.
@@ -118,7 +122,10 @@ fn loose_transforms(scene: &Scene) -> Option<Finding> {
     };
     let loose = || scene.instances.iter().filter(|i| stretch(i.transform.matrix3) > LOOSE_SCALE);
     let first = loose().next()?;
-    let message = format!("{} instances are stretched or sheared more than {LOOSE_SCALE}:1, which makes their boxes loose", loose().count());
+    let message = format!(
+        "{} instances are stretched or sheared more than {LOOSE_SCALE}:1, which makes their boxes loose",
+        loose().count()
+    );
     Some(finding("RK013", Severity::Info, name_of(first), message))
 }
 
@@ -141,7 +148,8 @@ fn singular_range(m: &glam::DMat3) -> (f64, f64) {
 
 fn far_from_origin(all: &Bounds) -> Option<Finding> {
     let farthest = all.min.abs().max(all.max.abs()).max_element();
-    let message = format!("coordinates reach {farthest:.3e}; beyond {LARGEST_COORDINATE:.0e} single precision is coarse");
+    let message =
+        format!("coordinates reach {farthest:.3e}; beyond {LARGEST_COORDINATE:.0e} single precision is coarse");
     (farthest > LARGEST_COORDINATE).then(|| finding("RK015", Severity::Warning, "", message))
 }
 

@@ -1,7 +1,68 @@
-//! `keep`.
-use super::{Layout, Options};
-use crate::scene::Scene;
+//! `keep`: the structure of the input.
+//!
+//! Helps where the author's structure is good already; the other methods are compared with it.
 
-pub(super) fn keep(_scene: &Scene, _options: &Options) -> Layout {
-    todo!()
+use super::builder::Builder;
+use super::{Layout, Options};
+use crate::scene::{InstanceId, Scene};
+
+/// Every instance stays as it is.
+pub(super) fn keep(scene: &Scene, _options: &Options) -> Layout {
+    let mut layout = Builder::new(scene);
+    (0..scene.instances.len() as u32).for_each(|i| layout.keep(InstanceId(i)));
+    layout.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::*;
+    use super::*;
+    use crate::scene::Pinned;
+    use glam::Vec3;
+
+    #[test]
+    fn an_empty_scene_gives_an_empty_layout() {
+        let layout = keep(&Scene::default(), &Options::default());
+        assert!(layout.groups.is_empty() && layout.placements.is_empty());
+    }
+
+    #[test]
+    fn instances_of_a_mesh_share_its_group() {
+        let mut builder = SceneBuilder::default();
+        let cube = builder.mesh("cube", vec![(0, row(Vec3::ZERO, 3)), (1, row(Vec3::Y, 2))]);
+        let unused = builder.mesh("unused", vec![(0, row(Vec3::ZERO, 1))]);
+        builder.place(cube, "a", at(1.0, 0.0, 0.0));
+        builder.place(cube, "b", at(2.0, 0.0, 0.0)).pinned = Some(Pinned::Skinned);
+        let scene = builder.scene();
+        let layout = keep(&scene, &Options::default());
+        assert_eq!(layout.check(&scene), Ok(()));
+        assert_eq!(group_names(&layout), ["kept cube"]);
+        assert_eq!(layout.placements.len(), 2);
+        assert_eq!(layout.placements[1].transform, at(2.0, 0.0, 0.0));
+        assert_eq!(unused.0, 1);
+    }
+
+    #[test]
+    fn what_is_left_of_a_mesh_with_dropped_triangles_is_one_piece() {
+        let mut builder = SceneBuilder::default();
+        let torn = builder.mesh("torn", vec![(0, row(Vec3::ZERO, 3)), (1, row(Vec3::Y, 2))]);
+        builder.place(torn, "a", at(1.0, 0.0, 0.0));
+        builder.place(torn, "b", at(2.0, 0.0, 0.0)).pinned = Some(Pinned::Animated);
+        let mut scene = builder.scene();
+        scene.meshes[0].whole = false;
+        scene.meshes[0].geometries[1].kept = Some(vec![0, 2]);
+        let layout = keep(&scene, &Options::default());
+        assert_eq!(layout.check(&scene), Ok(()));
+        assert_eq!(group_names(&layout), ["piece torn"]);
+        assert_eq!(layout.placements.len(), 2);
+    }
+
+    #[test]
+    fn a_mesh_with_points_beside_its_triangles_stays() {
+        let mut builder = SceneBuilder::default();
+        builder.object("dotted", 0, row(Vec3::ZERO, 3));
+        let mut scene = builder.scene();
+        scene.meshes[0].whole = false;
+        assert_eq!(group_names(&keep(&scene, &Options::default())), ["kept dotted"]);
+    }
 }

@@ -68,15 +68,46 @@ impl Bounds {
     }
 
     /// The box of this box's eight transformed corners, as a driver computes an instance's box
-    /// (J. Arvo, "Transforming Axis-Aligned Bounding Boxes", Graphics Gems, 1990).
+    /// (J. Arvo, "Transforming Axis-Aligned Bounding Boxes", Graphics Gems, 1990). Exact under the identity; faces
+    /// that touch still touch after a common translation and axis-aligned scale.
     pub fn transformed(&self, by: &DAffine3) -> Bounds {
         if self.is_empty() {
             return *self;
         }
-        let center = by.transform_point3(self.center());
-        let half = 0.5 * self.size();
+        let mut to = Bounds { min: by.translation, max: by.translation };
         let m = by.matrix3;
-        let reach = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
-        Bounds { min: center - reach, max: center + reach }
+        for (axis, low, high) in
+            [(m.x_axis, self.min.x, self.max.x), (m.y_axis, self.min.y, self.max.y), (m.z_axis, self.min.z, self.max.z)]
+        {
+            let (a, b) = (axis * low, axis * high);
+            to.min += a.min(b);
+            to.max += a.max(b);
+        }
+        to
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec3;
+
+    #[test]
+    fn boxes_that_touch_still_touch_when_moved_and_scaled_together() {
+        let (a, b, c) = (dvec3(0.1, 0.2, 0.3), dvec3(0.7, 1.1, 1.3), dvec3(1.9, 2.3, 2.9));
+        let (low, high) = (Bounds { min: a, max: b }, Bounds { min: b, max: c });
+        assert_eq!(low.transformed(&DAffine3::IDENTITY), low);
+        let by = DAffine3::from_translation(dvec3(0.1, 1e3, -1e-3)) * DAffine3::from_scale(dvec3(0.3, -7.0, 1e-3));
+        assert!(low.transformed(&by).overlaps(&high.transformed(&by)));
+    }
+
+    #[test]
+    fn a_turned_box_has_the_corners_inside_and_at_its_faces() {
+        let unit = Bounds { min: DVec3::ZERO, max: DVec3::ONE };
+        let turned = unit.transformed(&DAffine3::from_rotation_z(std::f64::consts::FRAC_PI_4));
+        let half = 0.5f64.sqrt();
+        assert!((turned.min - dvec3(-half, 0.0, 0.0)).length() < 1e-15);
+        assert!((turned.max - dvec3(half, 2.0 * half, 1.0)).length() < 1e-15);
+        assert!(Bounds::EMPTY.transformed(&DAffine3::IDENTITY).is_empty());
     }
 }

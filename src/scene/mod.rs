@@ -5,6 +5,7 @@ mod check;
 mod load;
 
 pub use bounds::Bounds;
+pub use check::Broken;
 pub use load::{LoadOptions, load};
 
 use glam::{DAffine3, DVec3, Vec3};

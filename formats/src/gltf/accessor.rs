@@ -1,6 +1,7 @@
 //! Accessors, checked against the buffers they read.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use serde_json::Value;
 
@@ -107,7 +108,7 @@ impl<'d> Accessor<'d> {
     pub(super) fn vectors_f32<const N: usize>(&self) -> Vec<[f32; N]> {
         let (bytes, stride) = self.bytes();
         if self.element.component == Component::F32 {
-            return elements(&bytes, stride, 4 * N).map(|e| floats(e)).collect();
+            return elements(&bytes, stride, 4 * N).map(floats).collect();
         }
         self.decode(&bytes, stride).map(|v| v.map(|x| x as f32)).collect()
     }
@@ -206,16 +207,22 @@ fn view_data<'d>(doc: &'d Document, index: &At<'d>, owner: &At<'d>, run: Run) ->
 }
 
 /// The bytes of a buffer view.
-pub(super) fn view_bytes<'d>(doc: &'d Document, view: &At<'d>) -> Result<&'d [u8], Error> {
+fn view_bytes<'d>(doc: &'d Document, view: &At<'d>) -> Result<&'d [u8], Error> {
+    let (buffer, range) = view_range(doc, view)?;
+    Ok(&doc.buffers[buffer][range])
+}
+
+/// The buffer and the range in it that a buffer view shows.
+pub(super) fn view_range(doc: &Document, view: &At<'_>) -> Result<(usize, Range<usize>), Error> {
+    view.object()?;
     let buffer = view.need("buffer")?.index_into("buffers", doc.buffers.len())?;
     let offset = view.get("byteOffset").map_or(Ok(0), |o| o.integer())?;
     let length = view.need("byteLength")?.integer()?;
-    let bytes = &doc.buffers[buffer];
-    match offset.checked_add(length).filter(|end| *end <= bytes.len()) {
-        Some(end) => Ok(&bytes[offset..end]),
+    let size = doc.buffers[buffer].len();
+    match offset.checked_add(length).filter(|end| *end <= size) {
+        Some(end) => Ok((buffer, offset..end)),
         None => Err(view.error(format_args!(
-            "{length} bytes from byte {offset} on pass the end of buffers[{buffer}], which has {} bytes",
-            bytes.len()
+            "{length} bytes from byte {offset} on pass the end of buffers[{buffer}], which has {size} bytes"
         ))),
     }
 }

@@ -1,27 +1,129 @@
 //! Changes to a document.
 
-use serde_json::Value;
+use bytes::Bytes;
+use serde_json::{Map, Number, Value, json};
 
-use crate::document::{Compacted, Document, NewAccessor};
+use crate::document::{Component, Document, Element, NewAccessor, Target};
+
+/// The elements of an array property; none if it is absent or no array.
+pub(super) fn array<'v>(object: &'v mut Value, key: &str) -> std::slice::IterMut<'v, Value> {
+    object.get_mut(key).and_then(Value::as_array_mut).map(|list| list.iter_mut()).unwrap_or_default()
+}
 
 /// Calls a function with every primitive.
 pub(super) fn each_primitive(json: &mut Value, mut change: impl FnMut(&mut Value)) {
     for mesh in array(json, "meshes") {
-        for primitive in array(mesh, "primitives") {
-            change(primitive);
+        array(mesh, "primitives").for_each(&mut change);
+    }
+}
+
+/// Appends to a top-level list, which is made if it is absent; returns the new element's index.
+pub(super) fn push(json: &mut Value, list: &str, item: Value) -> usize {
+    if !json.is_object() {
+        *json = Value::Object(Map::new());
+    }
+    append(&mut json[list], item)
+}
+
+/// Appends to a list, which is made of whatever else was there; returns the new element's index.
+pub(super) fn append(list: &mut Value, item: Value) -> usize {
+    match list.as_array_mut() {
+        Some(all) => {
+            all.push(item);
+            all.len() - 1
+        }
+        None => {
+            *list = Value::Array(vec![item]);
+            0
         }
     }
 }
 
-/// The elements of an array property; none if it is absent or no array.
-fn array<'v>(object: &'v mut Value, key: &str) -> std::slice::IterMut<'v, Value> {
-    object.get_mut(key).and_then(Value::as_array_mut).map(|list| list.iter_mut()).unwrap_or_default()
+pub(crate) fn push_accessor(doc: &mut Document, new: NewAccessor) -> usize {
+    let NewAccessor { data, element, target, bounds } = new;
+    let bounds = bounds.then(|| min_max(&data, element)).flatten();
+    let count = data.len() / element.size();
+    let stride = match target {
+        Target::Vertices => element.size().next_multiple_of(4),
+        Target::Indices | Target::Other => element.size(),
+    };
+    let data = pad(data, element.size(), stride);
+    let mut view = json!({ "buffer": 0, "byteLength": data.len() });
+    if stride != element.size() {
+        view["byteStride"] = stride.into();
+    }
+    match target {
+        Target::Vertices => view["target"] = 34962.into(),
+        Target::Indices => view["target"] = 34963.into(),
+        Target::Other => {}
+    }
+    let buffer = push(&mut doc.json, "buffers", json!({ "byteLength": data.len() }));
+    view["buffer"] = buffer.into();
+    doc.buffers.resize(buffer, Bytes::new());
+    doc.buffers.push(data.into());
+    let view = push(&mut doc.json, "bufferViews", view);
+    let mut accessor = json!({ "bufferView": view, "componentType": element.component as u32 });
+    if element.normalized {
+        accessor["normalized"] = true.into();
+    }
+    accessor["count"] = count.into();
+    accessor["type"] = kind(element).into();
+    if let Some((min, max)) = bounds {
+        accessor["min"] = min;
+        accessor["max"] = max;
+    }
+    push(&mut doc.json, "accessors", accessor)
 }
 
-pub(crate) fn push_accessor(_doc: &mut Document, _new: NewAccessor) -> usize {
-    todo!()
+/// Elements at a larger stride, zeros between them.
+fn pad(data: Vec<u8>, size: usize, stride: usize) -> Vec<u8> {
+    if size == stride {
+        return data;
+    }
+    let mut padded = vec![0; data.len() / size * stride];
+    for (to, from) in padded.chunks_exact_mut(stride).zip(data.chunks_exact(size)) {
+        to[..size].copy_from_slice(from);
+    }
+    padded
 }
 
-pub(crate) fn compact(_doc: &mut Document) -> Compacted {
-    todo!()
+fn kind(element: Element) -> &'static str {
+    match element.components {
+        1 => "SCALAR",
+        2 => "VEC2",
+        3 => "VEC3",
+        _ => "VEC4",
+    }
+}
+
+/// Smallest and largest value of each component, as stored. `None` without elements or where one is infinite.
+fn min_max(data: &[u8], element: Element) -> Option<(Value, Value)> {
+    let mut bounds = vec![(f64::INFINITY, f64::NEG_INFINITY); element.components];
+    let size = element.component.size();
+    for vector in data.chunks_exact(element.size()) {
+        for ((min, max), c) in bounds.iter_mut().zip(vector.chunks_exact(size)) {
+            let x = stored(c, element.component);
+            (*min, *max) = (min.min(x), max.max(x));
+        }
+    }
+    let number = |x: f64| -> Option<Value> {
+        // A sum with zero turns -0 into 0. The shortest text of a widened f32 parses back to the same f32.
+        let number = Number::from_f64(x + 0.0)?;
+        Some(if element.component == Component::F32 { number.into() } else { Value::from(x as i64) })
+    };
+    let min: Option<Vec<Value>> = bounds.iter().map(|(min, _)| number(*min)).collect();
+    let max: Option<Vec<Value>> = bounds.iter().map(|(_, max)| number(*max)).collect();
+    Some((min?.into(), max?.into()))
+}
+
+/// A component as stored, integers not normalised.
+fn stored(c: &[u8], component: Component) -> f64 {
+    match component {
+        Component::I8 => f64::from(i8::from_le_bytes([c[0]])),
+        Component::U8 => f64::from(c[0]),
+        Component::I16 => f64::from(i16::from_le_bytes([c[0], c[1]])),
+        Component::U16 => f64::from(u16::from_le_bytes([c[0], c[1]])),
+        Component::U32 => f64::from(u32::from_le_bytes([c[0], c[1], c[2], c[3]])),
+        Component::F32 => f64::from(f32::from_le_bytes([c[0], c[1], c[2], c[3]])),
+    }
 }

@@ -88,7 +88,7 @@ fn triangles(
     }
     let corners = match &indices {
         Some((_, indices)) => corners(mode, count, |i| indices[i]),
-        None => corners(mode, vertex_count(position)? as usize, |i| i as u32),
+        None => corners(mode, count, |i| i as u32),
     };
     Ok(Some(Triangles { positions: position.vectors_f32(), corners, kept: None }))
 }
@@ -105,11 +105,10 @@ fn check_position(position: &Accessor<'_>) -> Result<(), Error> {
     if position.kind != "VEC3" || position.element.component == Component::U32 {
         return Err(position.at.error("positions must be VEC3 of floats or of 8-bit or 16-bit integers"));
     }
-    vertex_count(position).map(|_| ())
-}
-
-fn vertex_count(position: &Accessor<'_>) -> Result<u32, Error> {
-    u32::try_from(position.count).map_err(|_| position.at.error("more than 2^32 vertices"))
+    match u32::try_from(position.count) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(position.at.error("more than 2^32 vertices")),
+    }
 }
 
 /// Refuses indices past the vertices, and the largest of their type, which means "restart" to a GPU.

@@ -47,6 +47,9 @@ fn open(path: &Path, file: &Bytes) -> Result<Opened, Error> {
         return Err(Error::whole(path, "wrong magic: a GLB file starts with the bytes \"glTF\""));
     }
     let text = file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file);
+    if text.trim_ascii_start().first().is_some_and(|b| *b != b'{') {
+        return Err(Error::whole(path, "wrong magic: neither glTF JSON, which starts with \"{\", nor binary glTF"));
+    }
     Ok((parse(path, "", text)?, None, Kind::Gltf, Vec::new()))
 }
 
@@ -93,6 +96,7 @@ fn load_buffers(
                 unused_bin = false;
                 bin.clone()
             }
+            (None, _) if length == 0 => Bytes::new(),
             (None, _) => return Err(no_bytes(&at)),
         };
         if bytes.len() < length {

@@ -1,32 +1,235 @@
 //! From [`Document`] to files, staged.
-use crate::Error;
-use crate::document::{Document, Staged};
-use std::path::Path;
 
-pub(crate) fn stage(_doc: &Document, _out: &Path) -> Result<Staged, Error> {
-    todo!()
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value};
+
+use super::binary::{BIN, CHUNK_HEADER, HEADER, JSON, MAGIC};
+use super::images::Images;
+use super::json::At;
+use super::pack::Packed;
+use super::uri::{self, Uri};
+use crate::document::{Document, Kind, Staged};
+use crate::{Error, Warning};
+
+pub(crate) fn stage(doc: &Document, out: &Path) -> Result<Staged, Error> {
+    let kind = kind_of(out)?;
+    let same_folder = is_same_folder(&doc.path, out);
+    let name = file_name(out)?;
+    let references = References::of(doc)?;
+    check_references_survive(&references, doc, out, same_folder)?;
+    let bin = bin_name(&name, &references, same_folder && !is_same_file(&doc.path, out));
+    let mut staged = Staged::new(out)?;
+    let mut packed = Packed::new(doc)?;
+    let mut images = Images::new(doc, kind, same_folder, &[&name, &bin]);
+    let images = images.place(&mut packed, &mut staged)?;
+    let uri = (kind == Kind::Gltf).then(|| uri::encode(&bin));
+    let buffers = joined_buffer(doc, uri, packed.length, &mut staged.warnings);
+    let views = std::mem::take(&mut packed.views);
+    let views = views.as_array().is_some_and(|list| !list.is_empty()).then_some(views);
+    let json = to_text(&doc.json, [("buffers", buffers), ("bufferViews", views), ("images", images)]);
+    match kind {
+        Kind::Glb => write_glb(&mut staged, &name, &json, &packed, out)?,
+        Kind::Gltf | Kind::Obj => {
+            if packed.length > 0 {
+                staged.write(Path::new(&bin), |file| packed.write(file))?;
+            }
+            staged.write(Path::new(&name), |file| file.write_all(&json))?;
+        }
+    }
+    Ok(staged)
 }
 
-pub(crate) fn stage_unchanged(_doc: &Document, _out: &Path) -> Result<Staged, Error> {
-    todo!()
+pub(crate) fn stage_unchanged(doc: &Document, out: &Path) -> Result<Staged, Error> {
+    let same_folder = is_same_folder(&doc.path, out);
+    let references = References::of(doc)?;
+    let name = file_name(out)?;
+    if kind_of(out)? != doc.kind || !references.can_follow(&name, same_folder) {
+        return stage(doc, out);
+    }
+    check_references_survive(&references, doc, out, same_folder)?;
+    let mut staged = Staged::new(out)?;
+    for reference in &references.buffers {
+        match same_folder {
+            true => staged.lend(&reference.file, &reference.name)?,
+            false => staged.copy(&reference.file, &reference.name)?,
+        }
+    }
+    for reference in references.images.iter().filter(|_| !same_folder) {
+        if reference.file.is_file() {
+            staged.copy(&reference.file, &reference.name)?;
+        } else {
+            let message = format!("the image {} is missing", reference.name.display());
+            staged.warnings.push(Warning { place: String::new(), message });
+        }
+    }
+    let mut file = File::open(&doc.path).map_err(|e| Error::whole(&doc.path, e))?;
+    staged.write(Path::new(&name), |out| io::copy(&mut file, out).map(|_| ()))?;
+    Ok(staged)
 }
 
-impl Staged {
-    /// Where the staged scene file can be read before it is committed.
-    pub fn path(&self) -> &Path {
-        todo!()
+/// The kind of file that the extension asks for.
+fn kind_of(out: &Path) -> Result<Kind, Error> {
+    match out.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase).as_deref() {
+        Some("glb") => Ok(Kind::Glb),
+        Some("gltf") => Ok(Kind::Gltf),
+        _ => Err(Error::whole(out, "the name of an output must end in .glb or .gltf")),
+    }
+}
+
+fn file_name(out: &Path) -> Result<String, Error> {
+    let name = out.file_name().and_then(OsStr::to_str);
+    name.map(str::to_owned).ok_or_else(|| Error::whole(out, "the file name is not UTF-8"))
+}
+
+/// The folders' canonical paths are compared, so that links do not deceive.
+fn is_same_folder(a: &Path, b: &Path) -> bool {
+    match (fs::canonicalize(uri::folder_of(a)), fs::canonicalize(uri::folder_of(b))) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}
+
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((fs::canonicalize(a), fs::canonicalize(b)), (Ok(a), Ok(b)) if a == b)
+}
+
+/// A file that the document refers to.
+struct Reference {
+    /// Relative to the document's folder.
+    name: PathBuf,
+    file: PathBuf,
+}
+
+/// All files that a document refers to, each once.
+struct References {
+    buffers: Vec<Reference>,
+    images: Vec<Reference>,
+}
+
+impl References {
+    fn of(doc: &Document) -> Result<Self, Error> {
+        Ok(References { buffers: references(doc, "buffers")?, images: references(doc, "images")? })
     }
 
-    /// Size of all staged files in bytes.
-    pub fn bytes(&self) -> u64 {
-        todo!()
+    /// Whether all files can stand to an output of this name as they stand to the input.
+    fn can_follow(&self, name: &str, same_folder: bool) -> bool {
+        let clash = |r: &Reference| r.name.to_string_lossy().to_lowercase() == name.to_lowercase();
+        let follows = |r: &Reference| r.name.to_str().is_some_and(uri::stays_inside) && (same_folder || !clash(r));
+        self.buffers.iter().all(follows) && (same_folder || self.images.iter().all(follows))
     }
+}
 
-    /// Renames the files to their final names, the scene file last.
-    ///
-    /// # Errors
-    /// Names the file that could not be put in place; files put in place before it are removed again.
-    pub fn commit(self) -> Result<(), Error> {
-        todo!()
+fn references(doc: &Document, list: &'static str) -> Result<Vec<Reference>, Error> {
+    let folder = uri::folder_of(&doc.path);
+    let mut found: Vec<Reference> = Vec::new();
+    let mut seen = std::collections::BTreeSet::new();
+    for at in At::root(doc).list(list)? {
+        let Some(text) = at.get("uri").and_then(|uri| uri.value.as_str()) else { continue };
+        let Uri::File(name) = uri::parse(text) else { continue };
+        let file = uri::locate(folder, text, &name);
+        if seen.insert(file.clone()) {
+            let name = if file == folder.join(&*name) { PathBuf::from(&*name) } else { PathBuf::from(text) };
+            found.push(Reference { name, file });
+        }
     }
+    Ok(found)
+}
+
+/// Refuses an output that would replace a buffer or an image of its own input.
+fn check_references_survive(
+    references: &References,
+    doc: &Document,
+    out: &Path,
+    same_folder: bool,
+) -> Result<(), Error> {
+    let mut all = references.buffers.iter().chain(&references.images);
+    match all.find(|r| same_folder && is_same_file(&r.file, out)) {
+        Some(_) => Err(Error::whole(out, format_args!("is a file that {} refers to", doc.path.display()))),
+        None => Ok(()),
+    }
+}
+
+/// The name of the buffer file: that of the scene file with `.bin`, unless the input, still in use, has such a file.
+fn bin_name(scene: &str, references: &References, spare_input: bool) -> String {
+    let stem = Path::new(scene).file_stem().unwrap_or_default().to_string_lossy();
+    let used = |name: &str| {
+        let mut all = references.buffers.iter().chain(&references.images);
+        all.any(|r| r.name.to_string_lossy().to_lowercase() == name.to_lowercase())
+    };
+    let names = (0..).map(|i| if i == 0 { format!("{stem}.bin") } else { format!("{stem}_{i}.bin") });
+    names.into_iter().find(|name| !spare_input || !used(name)).unwrap_or_default()
+}
+
+/// The `buffers` list of the output: the first buffer's properties, with another length and name.
+fn joined_buffer(doc: &Document, uri: Option<String>, length: usize, warnings: &mut Vec<Warning>) -> Option<Value> {
+    if length == 0 {
+        return None;
+    }
+    let own = |key: &String| key != "uri" && key != "byteLength";
+    let old = doc.json.get("buffers").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    let lost = old.iter().skip(1).filter_map(Value::as_object).filter(|buffer| buffer.keys().any(own)).count();
+    if lost > 0 {
+        let message = format!("names, extras or extensions of {lost} buffers are lost in joining them with the first");
+        warnings.push(Warning { place: "buffers".into(), message });
+    }
+    let mut buffer = Map::new();
+    buffer.extend(uri.map(|uri| ("uri".to_owned(), Value::from(uri))));
+    buffer.insert("byteLength".into(), length.into());
+    let rest = old.first().and_then(Value::as_object).into_iter().flatten();
+    buffer.extend(rest.filter(|(key, _)| own(key)).map(|(key, value)| (key.clone(), value.clone())));
+    Some(Value::Array(vec![Value::Object(buffer)]))
+}
+
+/// The JSON text of a document, some of its lists replaced or (where `None`) left out.
+fn to_text<const N: usize>(json: &Value, lists: [(&str, Option<Value>); N]) -> Vec<u8> {
+    let replaced = |key: &str| lists.iter().find(|(list, _)| *list == key);
+    let old = json.as_object().into_iter().flatten();
+    let old = old.filter_map(|(key, value)| match replaced(key) {
+        Some((_, list)) => Some((key.as_str(), list.as_ref()?)),
+        None => Some((key.as_str(), value)),
+    });
+    let new = lists.iter().filter(|(key, _)| json.get(key).is_none());
+    let new = new.filter_map(|(key, list)| Some((*key, list.as_ref()?)));
+    let mut text = Vec::new();
+    for (key, value) in old.chain(new) {
+        let start = if text.is_empty() { '{' } else { ',' };
+        // Writing to memory cannot fail.
+        let _ = write!(text, "{start}{}:", Value::from(key));
+        let _ = serde_json::to_writer(&mut text, value);
+    }
+    text.extend_from_slice(if text.is_empty() { b"{}" } else { b"}" });
+    text
+}
+
+fn write_glb(staged: &mut Staged, name: &str, json: &[u8], packed: &Packed, out: &Path) -> Result<(), Error> {
+    let json_length = json.len().next_multiple_of(4);
+    let bin_length = packed.length.next_multiple_of(4);
+    let bin_chunk = if bin_length > 0 { CHUNK_HEADER + bin_length } else { 0 };
+    let total = HEADER + CHUNK_HEADER + json_length + bin_chunk;
+    let Ok(total) = u32::try_from(total) else {
+        let cause = format!("{total} bytes are more than the 4 GiB that a GLB file can hold; write .gltf instead");
+        return Err(Error::whole(out, cause));
+    };
+    staged.write(Path::new(name), |file| {
+        // All lengths are below the total, which fits in 32 bits.
+        let chunk = |length: usize| (length as u32).to_le_bytes();
+        file.write_all(MAGIC)?;
+        file.write_all(&2_u32.to_le_bytes())?;
+        file.write_all(&total.to_le_bytes())?;
+        file.write_all(&chunk(json_length))?;
+        file.write_all(JSON)?;
+        file.write_all(json)?;
+        file.write_all(&[b' '; 3][..json_length - json.len()])?;
+        if bin_length > 0 {
+            file.write_all(&chunk(bin_length))?;
+            file.write_all(BIN)?;
+            packed.write(file)?;
+            file.write_all(&[0; 3][..bin_length - packed.length])?;
+        }
+        Ok(())
+    })
 }

@@ -1,0 +1,109 @@
+//! Removal of meshes, accessors and buffer views that nothing refers to.
+
+use serde_json::Value;
+
+use super::edit::{array, each_primitive};
+use super::extensions::{self, DRACO, GPU_INSTANCING};
+use super::json::unsigned;
+use crate::document::{Compacted, Document};
+
+/// Calls a function with every reference to the elements of one top-level list.
+type Visit = fn(&mut Value, &mut dyn FnMut(&mut Value));
+
+pub(crate) fn compact(doc: &mut Document) -> Compacted {
+    let json = &mut doc.json;
+    let mut removed = Compacted { held_by: extensions::first_unknown(json), ..Compacted::default() };
+    if removed.held_by.is_none() {
+        removed.meshes = compact_list(json, "meshes", mesh_references);
+        removed.accessors = compact_list(json, "accessors", accessor_references);
+        removed.buffer_views = compact_list(json, "bufferViews", view_references);
+    }
+    // glTF forbids empty lists.
+    if let Some(root) = json.as_object_mut() {
+        root.retain(|key, value| key == "extras" || value.as_array().is_none_or(|list| !list.is_empty()));
+    }
+    removed
+}
+
+/// Removes the elements of a list that no reference names and renumbers the references to the rest. Returns how
+/// many are gone. Takes time linear in the document.
+fn compact_list(json: &mut Value, list: &str, visit: Visit) -> usize {
+    let count = json.get(list).and_then(Value::as_array).map_or(0, Vec::len);
+    let mut used = vec![false; count];
+    visit(json, &mut |reference| {
+        if let Some(slot) = unsigned(reference).and_then(|i| used.get_mut(i)) {
+            *slot = true;
+        }
+    });
+    let mut kept = 0;
+    let mut numbers = Vec::with_capacity(count);
+    for used in &used {
+        numbers.push(kept);
+        kept += usize::from(*used);
+    }
+    if kept == count {
+        return 0;
+    }
+    let mut used = used.into_iter();
+    if let Some(items) = json.get_mut(list).and_then(Value::as_array_mut) {
+        items.retain(|_| used.next().unwrap_or(true));
+    }
+    visit(json, &mut |reference| {
+        if let Some(number) = unsigned(reference).and_then(|i| numbers.get(i)) {
+            *reference = Value::from(*number);
+        }
+    });
+    count - kept
+}
+
+fn mesh_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
+    for node in array(json, "nodes") {
+        node.get_mut("mesh").into_iter().for_each(&mut *visit);
+    }
+}
+
+fn accessor_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
+    each_primitive(json, |primitive| {
+        values(primitive.get_mut("attributes"), visit);
+        primitive.get_mut("indices").into_iter().for_each(&mut *visit);
+        for target in array(primitive, "targets") {
+            values(Some(target), visit);
+        }
+        primitive.pointer_mut("/extras/raykiln/provenance/runs").into_iter().for_each(&mut *visit);
+    });
+    for skin in array(json, "skins") {
+        skin.get_mut("inverseBindMatrices").into_iter().for_each(&mut *visit);
+    }
+    for animation in array(json, "animations") {
+        for sampler in array(animation, "samplers") {
+            for key in ["input", "output"] {
+                sampler.get_mut(key).into_iter().for_each(&mut *visit);
+            }
+        }
+    }
+    for node in array(json, "nodes") {
+        let instancing = node.get_mut("extensions").and_then(|e| e.get_mut(GPU_INSTANCING));
+        values(instancing.and_then(|e| e.get_mut("attributes")), visit);
+    }
+}
+
+fn view_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
+    for accessor in array(json, "accessors") {
+        for path in ["/bufferView", "/sparse/indices/bufferView", "/sparse/values/bufferView"] {
+            accessor.pointer_mut(path).into_iter().for_each(&mut *visit);
+        }
+    }
+    for image in array(json, "images") {
+        image.get_mut("bufferView").into_iter().for_each(&mut *visit);
+    }
+    each_primitive(json, |primitive| {
+        let draco = primitive.get_mut("extensions").and_then(|e| e.get_mut(DRACO));
+        draco.and_then(|d| d.get_mut("bufferView")).into_iter().for_each(&mut *visit);
+    });
+}
+
+/// Visits the values of all properties of an object.
+fn values(object: Option<&mut Value>, visit: &mut dyn FnMut(&mut Value)) {
+    let map = object.and_then(Value::as_object_mut);
+    map.into_iter().flat_map(|map| map.values_mut()).for_each(visit);
+}

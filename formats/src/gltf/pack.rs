@@ -1,0 +1,112 @@
+//! All buffers joined into one.
+
+use std::io::{self, Write};
+
+use bytes::Bytes;
+use serde_json::Value;
+
+use super::accessor::view_range;
+use super::edit;
+use super::json::At;
+use crate::{Document, Error};
+
+/// The one buffer of an output, and the buffer views into it.
+#[derive(Default)]
+pub(super) struct Packed {
+    /// Bytes with their offsets, ascending; the gaps are zeros.
+    pieces: Vec<(usize, Bytes)>,
+    /// Bytes in all.
+    pub(super) length: usize,
+    /// The `bufferViews` list; every view refers to buffer 0.
+    pub(super) views: Value,
+}
+
+/// Views of one buffer that share bytes, directly or through others.
+struct Cluster {
+    buffer: usize,
+    start: usize,
+    end: usize,
+    /// Each view with its first byte in the old buffer.
+    members: Vec<(usize, usize)>,
+}
+
+impl Packed {
+    /// Joins the buffers of a document. Bytes that no view shows are left out, shared bytes stay shared, and every
+    /// offset stays the same modulo 4, so that what was aligned remains so.
+    pub(super) fn new(doc: &Document) -> Result<Self, Error> {
+        let mut views = Vec::new();
+        for (i, view) in At::root(doc).list("bufferViews")?.enumerate() {
+            let (buffer, range) = view_range(doc, &view)?;
+            views.push((buffer, range.start, range.end, i));
+        }
+        views.sort_unstable();
+        let mut packed = Packed { views: Value::Array(Vec::new()), ..Packed::default() };
+        let mut offsets = vec![0; views.len()];
+        for cluster in clusters(&views) {
+            let data = doc.buffers[cluster.buffer].slice(cluster.start..cluster.end);
+            let offset = packed.append(data, cluster.start % 4);
+            for (view, start) in cluster.members {
+                offsets[view] = offset + (start - cluster.start);
+            }
+        }
+        if packed.length == 0 && !offsets.is_empty() {
+            // Views of no bytes still need a buffer, and glTF forbids empty ones.
+            packed.append(Bytes::from_static(&[0; 4]), 0);
+        }
+        for (view, offset) in At::root(doc).list("bufferViews")?.zip(offsets) {
+            edit::append(&mut packed.views, moved(view.value, offset));
+        }
+        Ok(packed)
+    }
+
+    /// Adds a buffer view of its own for some bytes; returns its index.
+    pub(super) fn push(&mut self, data: Bytes) -> usize {
+        let length = data.len();
+        let offset = self.append(data, 0);
+        edit::append(&mut self.views, serde_json::json!({ "buffer": 0, "byteOffset": offset, "byteLength": length }))
+    }
+
+    /// Puts bytes at the next offset that leaves `remainder` when divided by 4.
+    fn append(&mut self, data: Bytes, remainder: usize) -> usize {
+        let offset = self.length + (remainder + 4 - self.length % 4) % 4;
+        self.length = offset + data.len();
+        self.pieces.push((offset, data));
+        offset
+    }
+
+    /// Writes the buffer.
+    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        let mut position = 0;
+        for (offset, data) in &self.pieces {
+            out.write_all(&[0; 4][..offset - position])?;
+            out.write_all(data)?;
+            position = offset + data.len();
+        }
+        Ok(())
+    }
+}
+
+/// Groups views, sorted by buffer and first byte, that overlap.
+fn clusters(views: &[(usize, usize, usize, usize)]) -> Vec<Cluster> {
+    let mut clusters: Vec<Cluster> = Vec::new();
+    for &(buffer, start, end, view) in views {
+        match clusters.last_mut() {
+            Some(last) if last.buffer == buffer && start < last.end => {
+                last.end = last.end.max(end);
+                last.members.push((view, start));
+            }
+            _ => clusters.push(Cluster { buffer, start, end, members: vec![(view, start)] }),
+        }
+    }
+    clusters
+}
+
+/// A buffer view at another place. An offset of zero stays unsaid where it was.
+fn moved(view: &Value, offset: usize) -> Value {
+    let mut view = view.clone();
+    view["buffer"] = 0.into();
+    if offset != 0 || view.get("byteOffset").is_some() {
+        view["byteOffset"] = offset.into();
+    }
+    view
+}

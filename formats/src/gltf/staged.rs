@@ -1,0 +1,147 @@
+//! Files written beside their final place and renamed together.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use super::uri::folder_of;
+use crate::document::Staged;
+use crate::{Error, Warning};
+
+impl Staged {
+    /// An empty staging folder beside `out`, on the same file system.
+    pub(super) fn new(out: &Path) -> Result<Self, Error> {
+        if out.is_dir() {
+            return Err(Error::whole(out, "is a folder"));
+        }
+        let target = folder_of(out).to_owned();
+        let folder = hidden_folder(&target)?;
+        Ok(Staged { folder, target, files: Vec::new(), warnings: Vec::new() })
+    }
+
+    /// Writes a file that will bear `name` within the final folder.
+    pub(super) fn write(
+        &mut self,
+        name: &Path,
+        fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+    ) -> Result<(), Error> {
+        self.put(name, |path| {
+            let mut file = BufWriter::with_capacity(1 << 18, File::create(path)?);
+            fill(&mut file)?;
+            file.flush()
+        })
+    }
+
+    /// Copies a file that will bear `name` within the final folder; warns of a different file that it replaces.
+    pub(super) fn copy(&mut self, from: &Path, name: &Path) -> Result<(), Error> {
+        let there = self.target.join(name);
+        if there.is_file() && !same_bytes(from, &there).unwrap_or(false) {
+            let message = format!("replaces the different file {}", there.display());
+            self.warnings.push(Warning { place: String::new(), message });
+        }
+        self.put(name, |path| fs::copy(from, path).map(|_| ()))
+    }
+
+    /// Makes a file of the final folder visible in the staging folder too, only for as long as that exists.
+    pub(super) fn lend(&self, from: &Path, name: &Path) -> Result<(), Error> {
+        let path = self.place(name)?;
+        fs::hard_link(from, &path)
+            .or_else(|_| fs::copy(from, &path).map(|_| ()))
+            .map_err(|e| Error::whole(from, format_args!("cannot be staged: {e}")))
+    }
+
+    fn put(&mut self, name: &Path, make: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), Error> {
+        let path = self.place(name)?;
+        make(&path).map_err(|e| Error::whole(&self.target.join(name), format_args!("cannot be written: {e}")))?;
+        self.files.push((path, self.target.join(name)));
+        Ok(())
+    }
+
+    /// The path of a name in the staging folder, its folders made.
+    fn place(&self, name: &Path) -> Result<PathBuf, Error> {
+        let path = self.folder.path().join(name);
+        fs::create_dir_all(folder_of(&path))
+            .map_err(|e| Error::whole(&self.target.join(name), format_args!("cannot be staged: {e}")))?;
+        Ok(path)
+    }
+
+    /// Where the staged scene file can be read before it is committed.
+    pub fn path(&self) -> &Path {
+        self.files.last().map_or(self.folder.path(), |(staged, _)| staged)
+    }
+
+    /// Size of all staged files in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.files.iter().map(|(staged, _)| fs::metadata(staged).map_or(0, |m| m.len())).sum()
+    }
+
+    /// Renames the files to their final names, the scene file last.
+    ///
+    /// # Errors
+    /// Names the file that could not be put in place; files put in place before it are removed again, and those
+    /// they had replaced come back.
+    pub fn commit(self) -> Result<(), Error> {
+        let backup = hidden_folder(&self.target)?;
+        let mut undo = Vec::new();
+        for (i, (from, to)) in self.files.iter().enumerate() {
+            if let Err(e) = replace(from, to, backup.path().join(i.to_string()), &mut undo) {
+                undo.into_iter().rev().for_each(Undo::run);
+                return Err(Error::whole(to, format_args!("cannot be put in place: {e}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What takes back one step of a commit.
+enum Undo {
+    RemoveFolder(PathBuf),
+    RemoveFile(PathBuf),
+    Restore { old: PathBuf, to: PathBuf },
+}
+
+impl Undo {
+    /// Takes the step back as far as the file system lets it.
+    fn run(self) {
+        let _ = match self {
+            Undo::RemoveFolder(folder) => fs::remove_dir(folder),
+            Undo::RemoveFile(file) => fs::remove_file(file),
+            Undo::Restore { old, to } => fs::rename(old, to),
+        };
+    }
+}
+
+/// Moves a file to its final name. What bore the name is kept as `old` till the end of the commit.
+fn replace(from: &Path, to: &Path, old: PathBuf, undo: &mut Vec<Undo>) -> io::Result<()> {
+    make_folders(folder_of(to), undo)?;
+    match fs::symlink_metadata(to) {
+        Ok(there) if there.is_dir() => return Err(io::Error::other("a folder bears that name")),
+        Ok(_) => {
+            // A second name keeps the first alive, so that at no time there is no file.
+            fs::hard_link(to, &old).or_else(|_| fs::rename(to, &old))?;
+            undo.push(Undo::Restore { old, to: to.to_owned() });
+        }
+        Err(_) => undo.push(Undo::RemoveFile(to.to_owned())),
+    }
+    fs::rename(from, to)
+}
+
+fn make_folders(folder: &Path, undo: &mut Vec<Undo>) -> io::Result<()> {
+    let missing: Vec<&Path> = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).collect();
+    for folder in missing.into_iter().rev() {
+        fs::create_dir(folder)?;
+        undo.push(Undo::RemoveFolder(folder.to_owned()));
+    }
+    Ok(())
+}
+
+fn hidden_folder(parent: &Path) -> Result<tempfile::TempDir, Error> {
+    tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent).map_err(|e| {
+        let cause = e.kind();
+        Error::whole(parent, format_args!("the folder cannot be written to: {cause}"))
+    })
+}
+
+fn same_bytes(a: &Path, b: &Path) -> io::Result<bool> {
+    Ok(fs::metadata(a)?.len() == fs::metadata(b)?.len() && fs::read(a)? == fs::read(b)?)
+}

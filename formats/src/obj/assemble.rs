@@ -1,0 +1,166 @@
+//! The glTF document of a scanned OBJ file.
+
+use serde_json::{Map, Value, json};
+
+use super::material::Materials;
+use super::mesh::{self, Primitive};
+use super::notes::Notes;
+use super::scan::{Part, Scan};
+use super::streams::{Stream, Streams};
+
+/// The glTF root object and its one buffer.
+pub(super) fn assemble(
+    scan: &Scan<'_>,
+    models: Vec<tobj::Mesh>,
+    material_of_name: &[Option<usize>],
+    materials: Materials,
+    notes: &mut Notes,
+) -> (Value, Vec<u8>) {
+    let mut streams = Streams::default();
+    let material = |part: &Part| part.material.and_then(|name| material_of_name[name]);
+    let mut meshes: Vec<Value> = Vec::with_capacity(models.len());
+    for (part, model) in scan.parts.iter().zip(models) {
+        let primitives = mesh::primitives(&model, scan.color_scale, notes);
+        let primitives = primitives.into_iter().map(|p| primitive(p, material(part), &mut streams));
+        meshes.push(json!({"primitives": primitives.collect::<Vec<_>>()}));
+    }
+    let mut tree = Tree { scan, nodes: Vec::new(), meshes: &mut meshes };
+    let roots = tree.roots();
+    let nodes = tree.nodes;
+    let (accessors, views, buffer) = streams.finish();
+
+    let mut root = Map::new();
+    root.insert("asset".to_owned(), json!({"version": "2.0", "generator": "raykiln"}));
+    insert(&mut root, "extensionsUsed", extensions(&materials));
+    root.insert("scene".to_owned(), 0.into());
+    root.insert("scenes".to_owned(), json!([if roots.is_empty() { json!({}) } else { json!({"nodes": roots}) }]));
+    insert(&mut root, "nodes", nodes);
+    insert(&mut root, "meshes", meshes);
+    insert(&mut root, "materials", materials.list);
+    insert(&mut root, "textures", materials.textures.textures.values);
+    insert(&mut root, "samplers", materials.textures.samplers.values);
+    insert(&mut root, "images", materials.textures.images.values);
+    insert(&mut root, "accessors", accessors);
+    insert(&mut root, "bufferViews", views);
+    if !buffer.is_empty() {
+        root.insert("buffers".to_owned(), json!([{"byteLength": buffer.len()}]));
+    }
+    (root.into(), buffer)
+}
+
+fn extensions(materials: &Materials) -> Vec<Value> {
+    let transform = materials.textures.transformed.then_some("KHR_texture_transform");
+    materials.extensions.iter().copied().chain(transform).map(Value::from).collect()
+}
+
+/// Sets an array, unless it is empty: glTF has no empty arrays.
+fn insert(root: &mut Map<String, Value>, key: &str, values: Vec<Value>) {
+    if !values.is_empty() {
+        root.insert(key.to_owned(), values.into());
+    }
+}
+
+fn primitive(primitive: Primitive, material: Option<usize>, streams: &mut Streams) -> Value {
+    let mut attributes = Map::new();
+    attributes.insert("POSITION".to_owned(), streams.push_positions(&primitive.positions).into());
+    let mut optional = |key: &str, stream: Stream, bytes: &[u8]| {
+        if !bytes.is_empty() {
+            attributes.insert(key.to_owned(), streams.push(stream, bytes).into());
+        }
+    };
+    optional("NORMAL", Stream::Normals, bytemuck::cast_slice(&primitive.normals));
+    optional("TEXCOORD_0", Stream::Texcoords, bytemuck::cast_slice(&primitive.texcoords));
+    optional("COLOR_0", Stream::Colors, bytemuck::cast_slice(&primitive.colors));
+    let indices = if primitive.positions.len() <= usize::from(u16::MAX) {
+        let short: Vec<u16> = primitive.indices.iter().map(|&i| i as u16).collect();
+        streams.push(Stream::ShortIndices, &short)
+    } else {
+        streams.push(Stream::Indices, &primitive.indices)
+    };
+    let mut out = json!({"attributes": attributes, "indices": indices});
+    if let Some(material) = material {
+        out["material"] = material.into();
+    }
+    out
+}
+
+/// Nodes in the making. A part is a node with a mesh. A group of one part is that node, named after the group; a
+/// group of several is a node above them, which are named `group/material`. An object is a node above its groups,
+/// unless it is but one group without a name of its own.
+struct Tree<'a, 's> {
+    scan: &'a Scan<'s>,
+    nodes: Vec<Value>,
+    meshes: &'a mut [Value],
+}
+
+impl Tree<'_, '_> {
+    fn roots(&mut self) -> Vec<usize> {
+        let parts: Vec<usize> = (0..self.scan.parts.len()).collect();
+        let mut roots = Vec::new();
+        for (object, parts) in grouped(parts, |&part| self.scan.parts[part].object) {
+            let groups = grouped(parts, |&part| self.scan.parts[part].group);
+            let name = object.map(|object| self.scan.objects.get(object).to_owned());
+            match name {
+                Some(name) if !self.is_one_group(&name, &groups) => roots.push(self.object(name, groups)),
+                name => roots.extend(groups.into_iter().map(|(group, parts)| self.group(name.as_deref(), group, parts))),
+            }
+        }
+        roots
+    }
+
+    fn is_one_group(&self, object: &str, groups: &[(Option<usize>, Vec<usize>)]) -> bool {
+        match groups {
+            [(group, _)] => group.is_none_or(|group| self.scan.groups.get(group) == object),
+            _ => false,
+        }
+    }
+
+    fn object(&mut self, name: String, groups: Vec<(Option<usize>, Vec<usize>)>) -> usize {
+        let node = self.push(json!({"name": name}));
+        let children: Vec<usize> = groups.into_iter().map(|(group, parts)| self.group(Some(&name), group, parts)).collect();
+        self.nodes[node]["children"] = children.into();
+        node
+    }
+
+    /// A group without a name goes by its object's, and without one by OBJ's name for it.
+    fn group(&mut self, object: Option<&str>, group: Option<usize>, parts: Vec<usize>) -> usize {
+        let name = group.map(|group| self.scan.groups.get(group)).or(object).unwrap_or("default").to_owned();
+        if let [part] = parts[..] {
+            return self.part(name, part);
+        }
+        let node = self.push(json!({"name": name}));
+        let child = |part: usize| {
+            let material = self.scan.parts[part].material.map(|material| self.scan.materials.get(material));
+            format!("{name}/{}", material.filter(|name| !name.is_empty()).unwrap_or("(none)"))
+        };
+        let names: Vec<(String, usize)> = parts.into_iter().map(|part| (child(part), part)).collect();
+        let children: Vec<usize> = names.into_iter().map(|(name, part)| self.part(name, part)).collect();
+        self.nodes[node]["children"] = children.into();
+        node
+    }
+
+    fn part(&mut self, name: String, part: usize) -> usize {
+        self.meshes[part]["name"] = name.clone().into();
+        self.push(json!({"name": name, "mesh": part}))
+    }
+
+    fn push(&mut self, node: Value) -> usize {
+        self.nodes.push(node);
+        self.nodes.len() - 1
+    }
+}
+
+/// The items by key, keys and items in order of first appearance.
+fn grouped<K: Copy + Eq + std::hash::Hash>(items: Vec<usize>, key: impl Fn(&usize) -> K) -> Vec<(K, Vec<usize>)> {
+    let mut out: Vec<(K, Vec<usize>)> = Vec::new();
+    let mut index = std::collections::HashMap::new();
+    for item in items {
+        let key = key(&item);
+        let at = *index.entry(key).or_insert(out.len());
+        if at == out.len() {
+            out.push((key, Vec::new()));
+        }
+        out[at].1.push(item);
+    }
+    out
+}

@@ -1,0 +1,181 @@
+//! MTL files, read by `tobj` after each statement has been checked: `tobj` gives up a whole file, or panics, at a
+//! colour that is not three numbers.
+
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
+use std::collections::hash_map::Entry;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use super::files::Files;
+use super::notes::Notes;
+use super::text::{self, place, words};
+
+/// A material as an MTL file defines it.
+#[derive(Clone, Debug)]
+pub(super) struct Definition {
+    /// What `tobj` understood.
+    pub(super) values: tobj::Material,
+    /// All statements, malformed ones too: keyword in its usual case, and rest of the line.
+    pub(super) statements: Vec<(String, String)>,
+    /// The folder of the MTL file.
+    pub(super) folder: PathBuf,
+}
+
+/// The materials of all MTL files of an OBJ file, by name. Where a name is defined more than once the first counts
+/// (Wavefront, "Advanced Visualizer Manual", appendix B1, `mtllib`).
+#[derive(Debug, Default)]
+pub(super) struct Libraries {
+    definitions: HashMap<String, Definition>,
+}
+
+impl Libraries {
+    /// Loads the MTL files that the statements (line and rest of line) name, each once.
+    pub(super) fn load(statements: &[(usize, Cow<'_, str>)], files: &mut Files, notes: &mut Notes) -> Self {
+        let mut out = Libraries::default();
+        let mut loaded = HashSet::new();
+        for (line, written) in statements {
+            for file in library_files(written, *line, files, notes) {
+                if loaded.insert(file.clone()) {
+                    out.add(&file, notes);
+                }
+            }
+        }
+        out
+    }
+
+    /// The definition of that name.
+    pub(super) fn get(&self, name: &str) -> Option<&Definition> {
+        self.definitions.get(name)
+    }
+
+    fn add(&mut self, file: &Path, notes: &mut Notes) {
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let bytes = match std::fs::read(file) {
+            Ok(bytes) => bytes,
+            Err(cause) => return notes.add(|| name, &format!("material library cannot be read: {cause}")),
+        };
+        let text = text::decode(bytes, notes);
+        let checked = Checked::of(&text, &name, notes);
+        // Every statement has been checked, so that an error here leaves out this library only.
+        let Ok((materials, _)) = tobj::load_mtl_buf(&mut checked.text.as_bytes()) else {
+            return notes.add(|| name, "material library cannot be read");
+        };
+        let folder = file.parent().unwrap_or(Path::new("")).to_owned();
+        for (values, (written, statements)) in materials.into_iter().zip(checked.materials) {
+            match self.definitions.entry(written) {
+                Entry::Vacant(free) => drop(free.insert(Definition { values, statements, folder: folder.clone() })),
+                Entry::Occupied(first) => {
+                    let message = format!("material `{}` defined again: the first definition counts", first.key());
+                    notes.add(|| name.clone(), &message);
+                }
+            }
+        }
+    }
+}
+
+/// The files of an `mtllib` statement: its words taken together where there is such a file, else as few names as
+/// there are files for. Names that stay without a file are a warning.
+fn library_files(written: &str, line: usize, files: &mut Files, notes: &mut Notes) -> Vec<PathBuf> {
+    const MOST_WORDS: usize = 64;
+    let folder = files.folder.clone();
+    if let Some(file) = files.find(&folder, written) {
+        return vec![file];
+    }
+    let unescaped = written.replace("\\ ", "\u{0}");
+    let names: Vec<String> = unescaped.split_whitespace().map(|word| word.replace('\u{0}', " ")).collect();
+    let (mut out, mut start) = (Vec::new(), 0);
+    while start < names.len() {
+        let longest = names.len().min(start + MOST_WORDS);
+        let found = (start + 1..=longest)
+            .rev()
+            .find_map(|end| files.find_exactly(&folder, &names[start..end].join(" ")).map(|file| (file, end)));
+        match found {
+            Some((file, end)) => {
+                out.push(file);
+                start = end;
+            }
+            None => {
+                notes.add(|| place(line), &format!("material library `{}` not found", names[start]));
+                start += 1;
+            }
+        }
+    }
+    out
+}
+
+/// The statements of an MTL file in a form that `tobj` reads: materials named by their number, values checked.
+#[derive(Default)]
+struct Checked {
+    text: String,
+    /// Name and statements of each material.
+    materials: Vec<(String, Vec<(String, String)>)>,
+}
+
+impl Checked {
+    fn of(text: &str, file: &str, notes: &mut Notes) -> Self {
+        let mut out = Checked::default();
+        for line in text::lines(text) {
+            let at = || format!("{file}, {}", place(line.number));
+            let (key, rest) = line.text();
+            if key == "newmtl" {
+                let _ = writeln!(out.text, "newmtl {}", out.materials.len());
+                out.materials.push((rest.to_owned(), Vec::new()));
+                continue;
+            }
+            let Some((_, statements)) = out.materials.last_mut() else {
+                notes.add(at, "material statements before the first `newmtl` ignored");
+                continue;
+            };
+            let key = canonical(key);
+            match checked(key, rest) {
+                Some(values) => {
+                    let _ = writeln!(out.text, "{key} {values}");
+                }
+                None => notes.add(at, &format!("`{key}` cannot be read: kept in extras only")),
+            }
+            statements.push((key.to_owned(), rest.to_owned()));
+        }
+        out
+    }
+}
+
+/// Keywords in the case that `tobj` and [`super::material`] know; others as written.
+fn canonical(key: &str) -> &str {
+    const KNOWN: [&str; 34] = [
+        "Ka", "Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "Tf", "illum", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso",
+        "anisor", "map_Ka", "map_Kd", "map_Ks", "map_Ke", "map_Ns", "map_d", "map_Bump", "map_Pr", "map_Pm", "map_Ps",
+        "map_Kn", "bump", "norm", "disp", "decal", "refl", "sharpness",
+    ];
+    KNOWN.into_iter().find(|known| known.eq_ignore_ascii_case(key)).unwrap_or(key)
+}
+
+/// The values of a statement as `tobj` is to read them; `None` where they are not of the kind the keyword needs.
+fn checked(key: &str, rest: &str) -> Option<String> {
+    match key {
+        "Ka" | "Kd" | "Ks" | "Ke" => color(rest),
+        "Ns" | "Ni" | "d" | "Tr" | "Pr" | "Pm" | "Ps" | "Pc" | "Pcr" | "aniso" | "anisor" => {
+            let first = words(rest).find(|word| *word != "-halo")?;
+            finite(first).then(|| first.to_owned())
+        }
+        "illum" => words(rest).next().filter(|word| word.parse::<u8>().is_ok()).map(str::to_owned),
+        _ => (!rest.is_empty()).then(|| rest.to_owned()),
+    }
+}
+
+/// Three numbers; one stands for three equal ones.
+fn color(rest: &str) -> Option<String> {
+    let values: Vec<&str> = words(rest).take(3).collect();
+    if !values.iter().all(|word| finite(word)) {
+        return None;
+    }
+    match values[..] {
+        [all] => Some(format!("{all} {all} {all}")),
+        [r, g, b] => Some(format!("{r} {g} {b}")),
+        _ => None,
+    }
+}
+
+fn finite(word: &str) -> bool {
+    word.parse::<f32>().is_ok_and(f32::is_finite)
+}

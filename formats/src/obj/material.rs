@@ -1,0 +1,283 @@
+//! MTL materials made into glTF's metallic-roughness materials.
+//!
+//! | MTL | glTF |
+//! | --- | --- |
+//! | `Kd` | `baseColorFactor`, cut to 0..1; 1 where it is zero under a `map_Kd`, which would be unseen |
+//! | `d`, else 1 - `Tr` | its alpha; `alphaMode` BLEND below 1 |
+//! | `map_Kd` | `baseColorTexture` |
+//! | `map_d` | `alphaMode` MASK, unless `d` blends; its alpha only where it names the file of `map_Kd` |
+//! | `Ke`, `map_Ke` | `emissiveFactor`, `emissiveTexture`; above 1 `KHR_materials_emissive_strength` |
+//! | `Pr`, else `Ns` | `roughnessFactor`, see [`roughness`] |
+//! | `Pm` | `metallicFactor`, else 0 |
+//! | `map_Pr`, `map_Pm` | `metallicRoughnessTexture` where one image can serve, see [`metallic_roughness`] |
+//! | `norm`, `map_Kn` | `normalTexture` (`-bm`: its scale); `bump` is a height and stays in extras |
+//! | `Ni` above 1 | `KHR_materials_ior` |
+//! | `Pc`, `Pcr`; `Ps`; `aniso`, `anisor` | `KHR_materials_clearcoat`; `_sheen`; `_anisotropy` |
+//!
+//! What glTF cannot say stays as it was written in `extras.mtl`, keyword by keyword.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Map, Value, json};
+
+use super::files::Files;
+use super::library::{Definition, Libraries};
+use super::notes::Notes;
+use super::texture::{Statement, Textures};
+
+/// The glTF materials of a document, in order of first use.
+#[derive(Debug, Default)]
+pub(super) struct Materials {
+    /// `materials`.
+    pub(super) list: Vec<Value>,
+    /// What they refer to.
+    pub(super) textures: Textures,
+    /// The extensions they use.
+    pub(super) extensions: BTreeSet<&'static str>,
+}
+
+impl Materials {
+    /// The material of a `usemtl` name; `None` for a nameless one that no library defines. A name that no library
+    /// defines gives glTF's default material, named so, and a warning.
+    pub(super) fn resolve(
+        &mut self,
+        name: &str,
+        libraries: &Libraries,
+        files: &mut Files,
+        notes: &mut Notes,
+    ) -> Option<usize> {
+        let material = match libraries.get(name) {
+            Some(definition) => Conversion::new(definition, self, files, notes).material(name),
+            None if name.is_empty() => return None,
+            None => {
+                notes.add(String::new, &format!("material `{name}` is not defined: a default one takes its place"));
+                json!({"name": name})
+            }
+        };
+        self.list.push(material);
+        Some(self.list.len() - 1)
+    }
+}
+
+/// One material on its way to glTF.
+struct Conversion<'a> {
+    definition: &'a Definition,
+    materials: &'a mut Materials,
+    files: &'a mut Files,
+    notes: &'a mut Notes,
+    /// Keywords that the glTF material says as well as MTL.
+    said: BTreeSet<&'static str>,
+    extensions: Map<String, Value>,
+}
+
+impl<'a> Conversion<'a> {
+    fn new(
+        definition: &'a Definition,
+        materials: &'a mut Materials,
+        files: &'a mut Files,
+        notes: &'a mut Notes,
+    ) -> Self {
+        Conversion { definition, materials, files, notes, said: BTreeSet::new(), extensions: Map::new() }
+    }
+
+    fn material(mut self, name: &str) -> Value {
+        let mut out = Map::new();
+        // Exporters write a nameless material where there is none.
+        out.insert("name".to_owned(), if name.is_empty() { "(none)".into() } else { name.into() });
+        let opacity = self.opacity();
+        out.insert("pbrMetallicRoughness".to_owned(), self.metallic_roughness(opacity));
+        self.normal(&mut out);
+        self.emission(&mut out);
+        self.alpha_mode(opacity, &mut out);
+        self.index_of_refraction();
+        self.layers();
+        if !self.extensions.is_empty() {
+            out.insert("extensions".to_owned(), self.extensions.clone().into());
+        }
+        let rest = self.unsaid();
+        if !rest.is_empty() {
+            out.insert("extras".to_owned(), json!({"mtl": rest}));
+        }
+        out.into()
+    }
+
+    /// `d`, else 1 - `Tr`, in 0..1.
+    fn opacity(&mut self) -> f32 {
+        let opacity = match (self.definition.values.dissolve, self.scalar("Tr")) {
+            (Some(d), _) => d,
+            (None, Some(tr)) => 1.0 - tr,
+            (None, None) => return 1.0,
+        };
+        self.said.extend(["d", "Tr"]);
+        opacity.clamp(0.0, 1.0)
+    }
+
+    fn metallic_roughness(&mut self, opacity: f32) -> Value {
+        let mut out = Map::new();
+        let texture = self.texture("map_Kd", self.definition.values.diffuse_texture.as_deref());
+        let unseen = self.definition.values.diffuse == Some([0.0; 3]) && texture.is_some();
+        let [r, g, b] = self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
+        if !unseen {
+            self.said.insert("Kd");
+        }
+        if [r, g, b, opacity] != [1.0; 4] {
+            out.insert("baseColorFactor".to_owned(), [r, g, b, opacity].map(decimal).to_vec().into());
+        }
+        if let Some(texture) = texture {
+            out.insert("baseColorTexture".to_owned(), texture);
+        }
+        self.roughness_maps(&mut out);
+        out.into()
+    }
+
+    /// glTF has roughness in the green and metalness in the blue channel of one image. A grey `map_Pr` serves where
+    /// nothing is metallic, and one file for both serves if it is laid out so; else the maps stay in extras.
+    fn roughness_maps(&mut self, out: &mut Map<String, Value>) {
+        let (map_pr, map_pm) = (self.unknown("map_Pr"), self.unknown("map_Pm"));
+        let file = |text: &Option<String>| text.as_deref().map(|text| Statement::parse(text).file);
+        let (pr, pm) = (self.scalar("Pr"), self.scalar("Pm"));
+        let both = map_pr.is_some() && file(&map_pr) == file(&map_pm);
+        let rough_only = map_pr.is_some() && map_pm.is_none() && pm.unwrap_or(0.0) <= 0.0;
+        let texture = (both || rough_only).then(|| self.texture("map_Pr", map_pr.as_deref())).flatten();
+        if texture.is_none() && (map_pr.is_some() || map_pm.is_some()) {
+            let message = "glTF cannot take these `map_Pr` and `map_Pm`: kept by name in extras only";
+            self.notes.add(String::new, message);
+        }
+        let textured = texture.is_some();
+        let shininess = self.definition.values.shininess.map(roughness);
+        let metallic = pm.unwrap_or(if textured && both { 1.0 } else { 0.0 });
+        let rough = pr.or(if textured { None } else { shininess }).unwrap_or(1.0);
+        self.said.extend(["Pr", "Pm"]);
+        out.insert("metallicFactor".to_owned(), decimal(metallic.clamp(0.0, 1.0)));
+        out.insert("roughnessFactor".to_owned(), decimal(rough.clamp(0.0, 1.0)));
+        if let Some(texture) = texture {
+            self.said.extend(both.then_some("map_Pm"));
+            out.insert("metallicRoughnessTexture".to_owned(), texture);
+        }
+    }
+
+    fn normal(&mut self, out: &mut Map<String, Value>) {
+        for key in ["norm", "map_Kn"] {
+            let text = self.unknown(key);
+            if let Some(mut texture) = self.texture(key, text.as_deref()) {
+                let scale = Statement::parse(&text.unwrap_or_default()).strength;
+                if scale != 1.0 {
+                    texture["scale"] = scale.into();
+                }
+                out.insert("normalTexture".to_owned(), texture);
+                return;
+            }
+        }
+    }
+
+    fn emission(&mut self, out: &mut Map<String, Value>) {
+        let text = self.unknown("map_Ke");
+        let texture = self.texture("map_Ke", text.as_deref());
+        let color = self.definition.values.emissive.map(|color| color.map(|c| c.max(0.0)));
+        self.said.insert("Ke");
+        let color = match color.filter(|color| *color != [0.0; 3]) {
+            Some(color) => color,
+            None if texture.is_some() => [1.0; 3],
+            None => return,
+        };
+        let strength = color.into_iter().fold(1.0, f32::max);
+        out.insert("emissiveFactor".to_owned(), color.map(|c| decimal(c / strength)).to_vec().into());
+        if let Some(texture) = texture {
+            out.insert("emissiveTexture".to_owned(), texture);
+        }
+        if strength > 1.0 {
+            self.extend("KHR_materials_emissive_strength", json!({"emissiveStrength": decimal(strength)}));
+        }
+    }
+
+    fn alpha_mode(&mut self, opacity: f32, out: &mut Map<String, Value>) {
+        let file = |text: &Option<String>| text.as_deref().map(|text| Statement::parse(text).file);
+        let mask = file(&self.definition.values.dissolve_texture);
+        if opacity < 1.0 {
+            out.insert("alphaMode".to_owned(), "BLEND".into());
+        } else if mask.is_some() {
+            // glTF's default cutoff is 0.5.
+            out.insert("alphaMode".to_owned(), "MASK".into());
+        }
+        if mask.is_none() {
+            return;
+        }
+        if mask == file(&self.definition.values.diffuse_texture) && self.said.contains("map_Kd") {
+            self.said.insert("map_d");
+        } else {
+            let message = "`map_d` is another file than `map_Kd`, which glTF cannot say: kept by name in extras only";
+            self.notes.add(String::new, message);
+        }
+    }
+
+    fn index_of_refraction(&mut self) {
+        if let Some(ior) = self.definition.values.optical_density.filter(|ior| *ior > 1.0) {
+            self.said.insert("Ni");
+            self.extend("KHR_materials_ior", json!({"ior": decimal(ior)}));
+        }
+    }
+
+    /// Clearcoat, sheen and anisotropy of the PBR extension of MTL (Exocortex, 2014).
+    fn layers(&mut self) {
+        let unit = |x: f32| decimal(x.clamp(0.0, 1.0));
+        if let Some(coat) = self.scalar("Pc").filter(|x| *x > 0.0) {
+            let roughness = self.scalar("Pcr").unwrap_or(0.0);
+            let value = json!({"clearcoatFactor": unit(coat), "clearcoatRoughnessFactor": unit(roughness)});
+            self.said.extend(["Pc", "Pcr"]);
+            self.extend("KHR_materials_clearcoat", value);
+        }
+        if let Some(sheen) = self.scalar("Ps").filter(|x| *x > 0.0) {
+            self.said.insert("Ps");
+            self.extend("KHR_materials_sheen", json!({"sheenColorFactor": [unit(sheen), unit(sheen), unit(sheen)]}));
+        }
+        if let Some(strength) = self.scalar("aniso").filter(|x| *x > 0.0) {
+            let turn = self.scalar("anisor").unwrap_or(0.0);
+            let radians = decimal(turn * std::f32::consts::TAU);
+            self.said.extend(["aniso", "anisor"]);
+            let value = json!({"anisotropyStrength": unit(strength), "anisotropyRotation": radians});
+            self.extend("KHR_materials_anisotropy", value);
+        }
+    }
+
+    fn extend(&mut self, name: &'static str, value: Value) {
+        self.materials.extensions.insert(name);
+        self.extensions.insert(name.to_owned(), value);
+    }
+
+    /// The texture info of a statement, if there is one that glTF can take.
+    fn texture(&mut self, key: &'static str, text: Option<&str>) -> Option<Value> {
+        let statement = Statement::parse(text?);
+        let info = self.materials.textures.info(&statement, &self.definition.folder, self.files, self.notes)?;
+        self.said.insert(key);
+        Some(info)
+    }
+
+    fn unknown(&self, key: &str) -> Option<String> {
+        self.definition.values.unknown_param.get(key).cloned()
+    }
+
+    /// The value of a keyword that `tobj` leaves as text.
+    fn scalar(&self, key: &str) -> Option<f32> {
+        self.definition.values.unknown_param.get(key)?.parse().ok()
+    }
+
+    /// The statements that the glTF material does not say, the last of each keyword.
+    fn unsaid(&self) -> Map<String, Value> {
+        let statements = self.definition.statements.iter();
+        let unsaid = statements.filter(|(key, _)| !self.said.contains(key.as_str()));
+        unsaid.map(|(key, rest)| (key.clone(), rest.clone().into())).collect()
+    }
+}
+
+/// Perceptual roughness of a Phong exponent.
+///
+/// The Beckmann width of a Phong lobe of exponent n is `sqrt(2 / (n + 2))` (B. Walter, S. Marschner, H. Li,
+/// K. Torrance, "Microfacet Models for Refraction through Rough Surfaces", 2007); glTF's roughness is its square root.
+fn roughness(exponent: f32) -> f32 {
+    (2.0 / (exponent.max(0.0) + 2.0)).sqrt().sqrt()
+}
+
+/// The JSON number with the decimals of the `f32`, without those of its `f64`.
+fn decimal(value: f32) -> Value {
+    value.to_string().parse::<f64>().unwrap_or_default().into()
+}

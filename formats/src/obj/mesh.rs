@@ -1,0 +1,163 @@
+//! Meshes of `tobj` made into glTF primitives.
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::notes::Notes;
+use super::polygon::{self, Outcome};
+
+/// A primitive in the making: vertices are distinct (position, texture coordinate, normal) triples of the file in
+/// order of first use.
+#[derive(Debug, Default)]
+pub(super) struct Primitive {
+    /// Positions as parsed.
+    pub(super) positions: Vec<[f32; 3]>,
+    /// Unit normals, or none at all.
+    pub(super) normals: Vec<[f32; 3]>,
+    /// Texture coordinates from the top, or none at all.
+    pub(super) texcoords: Vec<[f32; 2]>,
+    /// Colours in 0..1, or none at all.
+    pub(super) colors: Vec<[f32; 3]>,
+    /// Three vertices a triangle.
+    pub(super) indices: Vec<u32>,
+}
+
+/// What the corners of a face have. A face lacks what one of its corners lacks, and faces that lack the same make
+/// one primitive: thus none of the file's normals and texture coordinates is given up for others, none invented.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Has {
+    texcoords: bool,
+    normals: bool,
+}
+
+/// The values of a `tobj` mesh, ready for glTF.
+struct Source<'a> {
+    mesh: &'a tobj::Mesh,
+    /// `None` for a normal without direction, which counts as missing.
+    normals: Vec<Option<[f32; 3]>>,
+    texcoords: Vec<Option<[f32; 2]>>,
+    colors: Vec<Option<[f32; 3]>>,
+}
+
+/// The primitives of a mesh: one, or as many as its faces differ in what they lack, in order of first appearance.
+pub(super) fn primitives(mesh: &tobj::Mesh, color_scale: f32, notes: &mut Notes) -> Vec<Primitive> {
+    let source = Source::of(mesh, color_scale);
+    let mut out: Vec<(Has, Builder)> = Vec::new();
+    let (mut start, mut points, mut triangles) = (0, Vec::new(), Vec::new());
+    for count in arities(mesh) {
+        let corners = start..start + count;
+        start += count;
+        let has = source.has(corners.clone());
+        let at = out.iter().position(|(other, _)| *other == has).unwrap_or_else(|| {
+            out.push((has, Builder::default()));
+            out.len() - 1
+        });
+        points.clear();
+        points.extend(corners.clone().map(|corner| source.position(corner)));
+        triangles.clear();
+        note(polygon::triangulate(&points, &mut triangles), &points, notes);
+        for corner in triangles.iter().flatten() {
+            out[at].1.add(source.key(corners.start + corner, has));
+        }
+    }
+    out.into_iter().map(|(has, builder)| source.primitive(has, builder)).collect()
+}
+
+fn arities(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
+    if mesh.face_arities.is_empty() {
+        Box::new(std::iter::repeat_n(3, mesh.indices.len() / 3))
+    } else {
+        Box::new(mesh.face_arities.iter().map(|&count| count as usize))
+    }
+}
+
+fn note(outcome: Outcome, points: &[DVec3], notes: &mut Notes) {
+    if outcome == Outcome::Fan && points.iter().all(|point| point.is_finite()) {
+        let message = "faces whose outline crosses itself or lies in no plane, split from their first corner";
+        notes.add(String::new, message);
+    }
+}
+
+/// Position, texture coordinate and normal of a vertex, as indices of the `tobj` mesh; 0 where it has none.
+type Key = [u32; 3];
+
+/// Numbers vertices in order of first use.
+#[derive(Default)]
+struct Builder {
+    number: HashMap<Key, u32>,
+    keys: Vec<Key>,
+    indices: Vec<u32>,
+}
+
+impl Builder {
+    fn add(&mut self, key: Key) {
+        let next = self.keys.len() as u32;
+        let vertex = *self.number.entry(key).or_insert(next);
+        if vertex == next {
+            self.keys.push(key);
+        }
+        self.indices.push(vertex);
+    }
+}
+
+impl<'a> Source<'a> {
+    fn of(mesh: &'a tobj::Mesh, color_scale: f32) -> Self {
+        let triples = |values: &'a [f32]| values.chunks_exact(3).map(|c| [c[0], c[1], c[2]]);
+        let texcoord = |c: &[f32]| Some([c[0], 1.0 - c[1]]).filter(|_| DVec2::new(c[0].into(), c[1].into()).is_finite());
+        let color = |c: [f32; 3]| Vec3::from(c).is_finite().then(|| c.map(|x| (x * color_scale).clamp(0.0, 1.0)));
+        Source {
+            mesh,
+            normals: triples(&mesh.normals).map(unit).collect(),
+            texcoords: mesh.texcoords.chunks_exact(2).map(texcoord).collect(),
+            colors: triples(&mesh.vertex_color).map(color).collect(),
+        }
+    }
+
+    fn has(&self, corners: std::ops::Range<usize>) -> Has {
+        let all = |indices: &[u32], found: &dyn Fn(usize) -> bool| {
+            indices.get(corners.clone()).is_some_and(|indices| indices.iter().all(|&i| found(i as usize)))
+        };
+        Has {
+            texcoords: all(&self.mesh.texcoord_indices, &|i| self.texcoords[i].is_some()),
+            normals: all(&self.mesh.normal_indices, &|i| self.normals[i].is_some()),
+        }
+    }
+
+    fn key(&self, corner: usize, has: Has) -> Key {
+        let texcoord = if has.texcoords { self.mesh.texcoord_indices[corner] } else { 0 };
+        let normal = if has.normals { self.mesh.normal_indices[corner] } else { 0 };
+        [self.mesh.indices[corner], texcoord, normal]
+    }
+
+    fn position(&self, corner: usize) -> DVec3 {
+        Vec3::from(self.point(self.mesh.indices[corner])).as_dvec3()
+    }
+
+    fn point(&self, index: u32) -> [f32; 3] {
+        let at = 3 * index as usize;
+        [self.mesh.positions[at], self.mesh.positions[at + 1], self.mesh.positions[at + 2]]
+    }
+
+    /// Gathers the vertices. White, which changes nothing, stands for the colours that only some vertices lack.
+    fn primitive(&self, has: Has, builder: Builder) -> Primitive {
+        let keys = &builder.keys;
+        let colored = !self.colors.is_empty() && keys.iter().any(|key| self.colors[key[0] as usize].is_some());
+        let color = |key: &Key| self.colors[key[0] as usize].unwrap_or([1.0; 3]);
+        let texcoords = keys.iter().filter(|_| has.texcoords).filter_map(|key| self.texcoords[key[1] as usize]);
+        let normals = keys.iter().filter(|_| has.normals).filter_map(|key| self.normals[key[2] as usize]);
+        Primitive {
+            positions: keys.iter().map(|key| self.point(key[0])).collect(),
+            normals: normals.collect(),
+            texcoords: texcoords.collect(),
+            colors: if colored { keys.iter().map(color).collect() } else { Vec::new() },
+            indices: builder.indices,
+        }
+    }
+}
+
+/// The normal at unit length, if it has a direction.
+fn unit(normal: [f32; 3]) -> Option<[f32; 3]> {
+    let normal = Vec3::from(normal).as_dvec3();
+    normal.is_finite().then(|| normal.try_normalize()).flatten().map(|unit| unit.as_vec3().to_array())
+}

@@ -1,0 +1,15 @@
+//! glTF and GLB: what is read, what is refused, what is written.
+
+mod attributes;
+mod compact;
+mod damage;
+mod hierarchy;
+mod instancing;
+mod outputs;
+mod outputs_images;
+mod provenance;
+mod read;
+mod scenes;
+mod support;
+mod triangles;
+mod views;

@@ -1,0 +1,126 @@
+//! Merge keys, and what an earlier bake recorded.
+
+use raykiln_formats::Document;
+use raykiln_formats::contents::{Provenance, Source};
+use raykiln_formats::document::{Component, Element, NewAccessor, Target};
+use serde_json::{Value, json};
+
+use crate::support::{contents, primitive, square, triangle, words};
+
+fn key(json: Value, types: &[Value]) -> String {
+    let accessors: Vec<_> = types.iter().map(|accessor| (accessor.clone(), square())).collect();
+    contents(&primitive(json, &accessors)).meshes[0].primitives[0].merge_key.clone()
+}
+
+fn accessor(component: u32, kind: &str) -> Value {
+    json!({ "componentType": component, "count": 4, "type": kind })
+}
+
+#[test]
+fn merge_keys_ignore_the_order_of_properties() {
+    let types = [accessor(5126, "VEC3"), accessor(5126, "VEC2")];
+    let a = json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "extras": { "a": 1, "b": { "c": 2, "d": 3 } } });
+    let b = json!({ "extras": { "b": { "d": 3, "c": 2 }, "a": 1 }, "attributes": { "TEXCOORD_0": 1, "POSITION": 0 } });
+    assert_eq!(key(a, &types), key(b, &types));
+}
+
+#[test]
+fn merge_keys_take_positions_and_normals_for_floats() {
+    let json = json!({ "attributes": { "POSITION": 0, "NORMAL": 1 } });
+    let plain = key(json.clone(), &[accessor(5126, "VEC3"), accessor(5126, "VEC3")]);
+    assert_eq!(plain, key(json, &[accessor(5122, "VEC3"), accessor(5120, "VEC3")]));
+}
+
+#[test]
+fn merge_keys_tell_types_extensions_and_extras_apart() {
+    let json = json!({ "attributes": { "POSITION": 0, "COLOR_0": 1 } });
+    let with = |property: &str| {
+        let mut json = json.clone();
+        json[property] = json!({ "ACME": 1 });
+        json
+    };
+    let types = [accessor(5126, "VEC3"), accessor(5126, "VEC3")];
+    let keys = [
+        key(json.clone(), &types),
+        key(json.clone(), &[accessor(5126, "VEC3"), accessor(5121, "VEC3")]),
+        key(with("extensions"), &types),
+        key(with("extras"), &types),
+    ];
+    for (i, a) in keys.iter().enumerate() {
+        assert!(keys[..i].iter().all(|b| a != b), "{a}");
+    }
+}
+
+#[test]
+fn merge_keys_ignore_provenance_and_draco() {
+    let types = [accessor(5126, "VEC3")];
+    let plain = key(json!({ "attributes": { "POSITION": 0 } }), &types);
+    let json = json!({
+        "attributes": { "POSITION": 0 },
+        "extras": { "raykiln": { "source": { "mesh": 1, "primitive": 2 } } },
+        "extensions": { "KHR_draco_mesh_compression": {} }
+    });
+    assert_eq!(plain, key(json, &types));
+}
+
+/// A triangle whose primitive records `raykiln`; accessor 1 holds the runs.
+fn recorded(raykiln: Value, runs: &[u32]) -> Document {
+    let mut doc = triangle();
+    let element = Element { component: Component::U32, components: 1, normalized: false };
+    doc.push_accessor(NewAccessor { data: words(runs), element, target: Target::Other, bounds: false });
+    doc.json["meshes"][0]["primitives"][0]["extras"] = json!({ "raykiln": raykiln });
+    doc
+}
+
+fn provenance(doc: &Document) -> (Option<Provenance>, usize) {
+    let c = contents(doc);
+    (c.meshes[0].primitives[0].provenance.clone(), c.warnings.len())
+}
+
+#[test]
+fn provenance_of_an_unchanged_primitive_is_read() {
+    let doc = recorded(json!({ "source": { "mesh": 3, "primitive": 1 } }), &[0]);
+    assert_eq!(provenance(&doc), (Some(Provenance::Same { mesh: 3, primitive: 1 }), 0));
+}
+
+#[test]
+fn provenance_in_runs_is_read() {
+    let record = json!({ "provenance": { "sources": [[null, 0, 1, 2], [7, 5, 0, 0]], "runs": 1 } });
+    let expected = Provenance::Runs {
+        sources: vec![
+            Source { node: None, copy: 0, mesh: 1, primitive: 2 },
+            Source { node: Some(7), copy: 5, mesh: 0, primitive: 0 },
+        ],
+        runs: vec![[1, 40, 1]],
+    };
+    assert_eq!(provenance(&recorded(record, &[1, 40, 1])), (Some(expected), 0));
+}
+
+#[test]
+fn records_of_something_else_are_no_provenance() {
+    for record in [json!({}), json!({ "moved": 3 }), json!(5)] {
+        assert_eq!(provenance(&recorded(record, &[0])), (None, 0));
+    }
+}
+
+#[test]
+fn malformed_provenance_is_ignored_with_a_warning() {
+    let sources = json!([[null, 0, 1, 2]]);
+    for (record, runs) in [
+        (json!({ "source": 3 }), vec![0, 0, 1]),
+        (json!({ "source": { "mesh": -1, "primitive": 0 } }), vec![0, 0, 1]),
+        (json!({ "source": { "mesh": 1_u64 << 32, "primitive": 0 } }), vec![0, 0, 1]),
+        (json!({ "provenance": 7 }), vec![0, 0, 1]),
+        (json!({ "provenance": { "sources": sources } }), vec![0, 0, 1]),
+        (json!({ "provenance": { "sources": sources, "runs": 9 } }), vec![0, 0, 1]),
+        (json!({ "provenance": { "sources": sources, "runs": 0 } }), vec![0, 0, 1]),
+        (json!({ "provenance": { "sources": [[0, 1, 2]], "runs": 1 } }), vec![0, 0, 1]),
+        (json!({ "provenance": { "sources": [[0, 1, 2, "x"]], "runs": 1 } }), vec![0, 0, 1]),
+        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![0, 0]),
+        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![1, 0, 1]),
+        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![0, 0, 2]),
+        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![0, u32::MAX, 1]),
+    ] {
+        assert_eq!(provenance(&recorded(record.clone(), &runs)), (None, 1), "{record}");
+    }
+}

@@ -1,0 +1,101 @@
+//! SAH cost.
+//!
+//! J. Goldsmith, J. Salmon, "Automatic Creation of Object Hierarchies for Ray Tracing", IEEE CG&A 7(5), 1987, and
+//! J. D. MacDonald, K. S. Booth, "Heuristics for Ray Tracing Using Space Subdivision", The Visual Computer 6, 1990:
+//! what a random line through the scene costs that passes every box it meets and hits nothing.
+
+use glam::DVec3;
+
+use super::tree::Tree;
+use crate::scene::Bounds;
+
+/// What it costs to pass an inner node; the unit of all costs.
+pub const TRAVERSAL: f64 = 1.0;
+
+/// What a triangle test costs.
+pub const INTERSECTION: f64 = 1.0;
+
+/// SAH cost of a tree over items with the given boxes: (1/A_root)(C_t sum over inner nodes A_n + C_i sum over
+/// leaves A_l N_l), with C_t [`TRAVERSAL`] and C_i [`INTERSECTION`]. At least 0, best small; 0 where the root has no
+/// area. Occlusion and the order in which rays meet nodes are not modelled.
+pub fn cost(tree: &Tree, boxes: &[Bounds]) -> f64 {
+    let bounds = tree.bounds(boxes);
+    let root = bounds.first().map_or(0.0, Bounds::area);
+    super::share(FaceAreas::of(tree, &bounds).cost(DVec3::ONE), root)
+}
+
+/// The surface areas of the boxes of a tree, summed by the axis that their faces are perpendicular to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FaceAreas {
+    /// Of inner nodes.
+    pub inner: DVec3,
+    /// Of leaves, each counted for every item in it.
+    pub leaves: DVec3,
+}
+
+impl FaceAreas {
+    /// Sums the boxes of a tree's nodes, which run parallel to them.
+    pub fn of(tree: &Tree, bounds: &[Bounds]) -> FaceAreas {
+        let mut sums = FaceAreas::default();
+        for (node, bounds) in tree.nodes.iter().zip(bounds) {
+            let s = bounds.size();
+            let faces = 2.0 * DVec3::new(s.y * s.z, s.z * s.x, s.x * s.y);
+            if node.is_leaf() {
+                sums.leaves += f64::from(node.count) * faces;
+            } else {
+                sums.inner += faces;
+            }
+        }
+        sums
+    }
+
+    /// C_t times the area of inner nodes plus C_i times that of leaves, in squared units, where faces perpendicular
+    /// to each axis are scaled by `scale`.
+    pub fn cost(&self, scale: DVec3) -> f64 {
+        (TRAVERSAL * self.inner + INTERSECTION * self.leaves).dot(scale)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost::tree::{Node, Quality};
+
+    fn cube(x: f64) -> Bounds {
+        Bounds { min: DVec3::new(x, 0.0, 0.0), max: DVec3::new(x + 1.0, 1.0, 1.0) }
+    }
+
+    #[test]
+    fn two_cubes_cost_a_node_and_a_test_each_where_met() {
+        let nodes = vec![Node { first: 1, count: 0 }, Node { first: 0, count: 1 }, Node { first: 1, count: 1 }];
+        let tree = Tree { nodes, order: vec![0, 1] };
+        assert_eq!(cost(&tree, &[cube(0.0), cube(3.0)]), (18.0 + 6.0 + 6.0) / 18.0);
+    }
+
+    #[test]
+    fn one_leaf_costs_its_items() {
+        let tree = Tree { nodes: vec![Node { first: 0, count: 3 }], order: vec![0, 1, 2] };
+        assert_eq!(cost(&tree, &[cube(0.0), cube(1.0), cube(5.0)]), 3.0);
+    }
+
+    #[test]
+    fn no_area_costs_nothing() {
+        assert_eq!(cost(&Tree::default(), &[]), 0.0);
+        let points = vec![Bounds { min: DVec3::ONE, max: DVec3::ONE }; 100];
+        assert_eq!(cost(&Tree::build(&points, Quality::Medium), &points), 0.0);
+    }
+
+    #[test]
+    fn cost_does_not_depend_on_scale() {
+        let boxes = |scale: f64| -> Vec<Bounds> {
+            let at = |i: u32| DVec3::new(f64::from(i % 13), f64::from(i % 7), f64::from(i % 5));
+            (0..200).map(|i| Bounds { min: scale * at(i), max: scale * (at(i) + DVec3::ONE) }).collect()
+        };
+        let tree = Tree::build(&boxes(1.0), Quality::Medium);
+        let expected = cost(&tree, &boxes(1.0));
+        assert!(expected > 1.0);
+        for scale in [1e-30, 1e30] {
+            assert!((cost(&tree, &boxes(scale)) / expected - 1.0).abs() < 1e-12);
+        }
+    }
+}

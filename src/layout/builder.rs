@@ -1,0 +1,224 @@
+//! Puts layouts together: kept meshes, pieces of meshes, baked groups.
+
+use std::collections::BTreeMap;
+
+use glam::DAffine3;
+
+use super::{Content, Group, GroupGeometry, Layout, Placement};
+use crate::scene::{Geometry, InstanceId, Mesh, MeshId, Scene, TriangleRef};
+
+/// A geometry as an instance places it: what the thesis calls an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct Object {
+    /// Index into [`Scene::instances`].
+    pub(super) instance: u32,
+    /// Index into the geometries of the instance's mesh.
+    pub(super) geometry: u32,
+}
+
+/// What decides whether triangles may share a geometry.
+pub(super) type GeometryKey = (Option<u32>, u32);
+
+impl Object {
+    /// The geometry placed.
+    pub(super) fn geometry(self, scene: &Scene) -> &Geometry {
+        &scene.mesh_of(InstanceId(self.instance)).geometries[self.geometry as usize]
+    }
+
+    /// The placed triangles, in file order.
+    pub(super) fn triangles(self, scene: &Scene) -> impl Iterator<Item = TriangleRef> + use<> {
+        let g = self.geometry(scene);
+        let first = g.first_triangle;
+        (first..first + g.triangles.len() as u32).map(move |triangle| TriangleRef { instance: self.instance, triangle })
+    }
+
+    /// The name of the object: that of its node, else of its mesh; followed by the number of the geometry if
+    /// the mesh has several.
+    pub(super) fn name(self, scene: &Scene) -> String {
+        let mesh = scene.mesh_of(InstanceId(self.instance));
+        let node = &scene.instances[self.instance as usize].name;
+        geometry_name(if node.is_empty() { &mesh.name } else { node }, mesh, self.geometry)
+    }
+}
+
+/// The objects of some instances, in the order of the scene.
+pub(super) fn objects(scene: &Scene, instances: impl IntoIterator<Item = InstanceId>) -> Vec<Object> {
+    let of_instance = |i: InstanceId| {
+        let count = scene.mesh_of(i).geometries.len() as u32;
+        (0..count).map(move |geometry| Object { instance: i.0, geometry })
+    };
+    instances.into_iter().flat_map(of_instance).collect()
+}
+
+/// The key of a geometry.
+pub(super) fn key(geometry: &Geometry) -> GeometryKey {
+    (geometry.material, geometry.merge_class)
+}
+
+/// Collects triangles into geometries, ordered by material, then merge class.
+#[derive(Default)]
+pub(super) struct Geometries(BTreeMap<GeometryKey, GroupGeometry>);
+
+impl Geometries {
+    /// Appends triangles that lie in a geometry of the scene.
+    pub(super) fn add(&mut self, of: &Geometry, triangles: impl Iterator<Item = TriangleRef>) {
+        let (material, merge_class) = key(of);
+        let entry = self.0.entry(key(of)).or_insert_with(|| GroupGeometry {
+            material,
+            merge_class,
+            opacity: of.opacity,
+            triangles: Vec::new(),
+        });
+        entry.triangles.extend(triangles);
+    }
+
+    /// The geometries.
+    pub(super) fn finish(self) -> Vec<GroupGeometry> {
+        self.0.into_values().collect()
+    }
+}
+
+/// A layout under construction. Meshes and their pieces become one group each, however many instances place them.
+pub(super) struct Builder<'a> {
+    scene: &'a Scene,
+    first_instance: Vec<u32>,
+    whole: Vec<Option<u32>>,
+    pieces: BTreeMap<(MeshId, u32), u32>,
+    layout: Layout,
+    baked: Vec<Group>,
+}
+
+impl<'a> Builder<'a> {
+    /// An empty layout.
+    pub(super) fn new(scene: &'a Scene) -> Self {
+        Builder {
+            scene,
+            first_instance: first_instances(scene),
+            whole: vec![None; scene.meshes.len()],
+            pieces: BTreeMap::new(),
+            layout: Layout::default(),
+            baked: Vec::new(),
+        }
+    }
+
+    /// Leaves an instance as it is. A mesh with dropped triangles cannot stay as it is: the rest of it becomes a
+    /// piece.
+    pub(super) fn keep(&mut self, instance: InstanceId) {
+        let mesh = self.scene.instances[instance.0 as usize].mesh;
+        let group = match self.whole[mesh.0 as usize] {
+            Some(group) => group,
+            None => {
+                let content = if lost_triangles(&self.scene.meshes[mesh.0 as usize]) {
+                    self.piece(mesh, None)
+                } else {
+                    Content::Kept(mesh)
+                };
+                let group = self.push(self.scene.meshes[mesh.0 as usize].name.clone(), content);
+                self.whole[mesh.0 as usize] = Some(group);
+                group
+            }
+        };
+        self.place(group, instance);
+    }
+
+    /// Places an object with what it has in common with other instances of its mesh: the mesh, if the object is all
+    /// of it, else a piece of the mesh.
+    pub(super) fn place_object(&mut self, object: Object) {
+        let instance = InstanceId(object.instance);
+        let mesh = self.scene.instances[object.instance as usize].mesh;
+        if self.scene.mesh_of(instance).geometries.len() == 1 {
+            return self.keep(instance);
+        }
+        let group = match self.pieces.get(&(mesh, object.geometry)) {
+            Some(&group) => group,
+            None => {
+                let content = self.piece(mesh, Some(object.geometry));
+                let of = &self.scene.meshes[mesh.0 as usize];
+                let group = self.push(geometry_name(&of.name, of, object.geometry), content);
+                self.pieces.insert((mesh, object.geometry), group);
+                group
+            }
+        };
+        self.place(group, instance);
+    }
+
+    /// Places the whole mesh of an instance with one geometry for each material and merge class.
+    pub(super) fn place_joined(&mut self, instance: InstanceId) {
+        let mesh = self.scene.mesh_of(instance);
+        let mut keys: Vec<_> = mesh.geometries.iter().map(key).collect();
+        keys.sort_unstable();
+        if keys.windows(2).all(|k| k[0] != k[1]) {
+            return self.keep(instance);
+        }
+        let content = self.piece(self.scene.instances[instance.0 as usize].mesh, None);
+        let group = self.push(mesh.name.clone(), content);
+        self.place(group, instance);
+    }
+
+    /// Adds a group of placed triangles.
+    pub(super) fn bake(&mut self, name: String, geometries: Geometries) {
+        let content = Content::Baked { frame: DAffine3::IDENTITY, geometries: geometries.finish() };
+        self.baked.push(Group { name, content });
+    }
+
+    /// Adds a remark for the report.
+    pub(super) fn note(&mut self, note: String) {
+        self.layout.notes.push(note);
+    }
+
+    /// The layout: what is kept comes first, in the order of its instances, then the baked groups in the order in
+    /// which they were added.
+    pub(super) fn finish(self) -> Layout {
+        let Builder { mut layout, baked, .. } = self;
+        layout.placements.sort_by_key(|p| p.instance);
+        for group in baked {
+            let Content::Baked { frame, .. } = group.content else { unreachable!("only baked groups are queued") };
+            let index = layout.groups.len() as u32;
+            layout.placements.push(Placement { group: index, instance: None, transform: frame });
+            layout.groups.push(group);
+        }
+        layout
+    }
+
+    /// The content of a group of one geometry or of all geometries of a mesh.
+    fn piece(&self, mesh: MeshId, geometry: Option<u32>) -> Content {
+        let instance = self.first_instance[mesh.0 as usize];
+        let all = 0..self.scene.meshes[mesh.0 as usize].geometries.len() as u32;
+        let mut geometries = Geometries::default();
+        for geometry in geometry.map_or(all, |g| g..g + 1) {
+            let object = Object { instance, geometry };
+            geometries.add(object.geometry(self.scene), object.triangles(self.scene));
+        }
+        Content::Piece(mesh, geometries.finish())
+    }
+
+    fn push(&mut self, name: String, content: Content) -> u32 {
+        self.layout.groups.push(Group { name, content });
+        self.layout.groups.len() as u32 - 1
+    }
+
+    fn place(&mut self, group: u32, instance: InstanceId) {
+        let transform = self.scene.instances[instance.0 as usize].transform;
+        self.layout.placements.push(Placement { group, instance: Some(instance), transform });
+    }
+}
+
+/// The first instance that places each mesh; 0 for one that none places.
+pub(super) fn first_instances(scene: &Scene) -> Vec<u32> {
+    let mut first = vec![None; scene.meshes.len()];
+    for (i, instance) in scene.instances.iter().enumerate() {
+        first[instance.mesh.0 as usize].get_or_insert(i as u32);
+    }
+    first.into_iter().map(Option::unwrap_or_default).collect()
+}
+
+/// Whether triangles of the file's mesh were dropped, so that it must not be written as it is. Points and lines
+/// beside the triangles are no reason: they stay with a mesh that is kept.
+pub(super) fn lost_triangles(mesh: &Mesh) -> bool {
+    !mesh.whole && mesh.geometries.iter().any(|g| g.kept.is_some())
+}
+
+fn geometry_name(base: &str, mesh: &Mesh, geometry: u32) -> String {
+    let base = if base.is_empty() { "object" } else { base };
+    if mesh.geometries.len() == 1 { base.to_owned() } else { format!("{base}.{geometry}") }
+}

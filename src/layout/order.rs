@@ -1,0 +1,233 @@
+//! Triangles and groups in the order of a tree over them.
+//!
+//! Some drivers build their trees by halving the input by index; such a tree is as good as the order of its input.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{Content, Group, GroupGeometry, Layout, Placement};
+use crate::cost::tree::{Quality, Tree};
+use crate::scene::{Bounds, Scene, TriangleRef};
+
+/// Groups of more triangles than this are cut along the Morton curve before trees are built, which bounds the
+/// memory that a tree takes and shares the work among threads.
+const TREE_TRIANGLES: usize = 1 << 18;
+
+/// Sorts the triangles of every group that is rewritten, and the placements of baked groups, in the order of a tree.
+/// Baked groups come after all others, in the order of a tree over their world boxes.
+///
+/// In a group of more than 2^18 triangles the upper levels of the tree are those of the Morton curve (C. Lauterbach
+/// et al., "Fast BVH Construction on GPUs", 2009).
+pub fn order_by_tree(scene: &Scene, layout: &mut Layout) {
+    let bounds: Vec<Bounds> = layout.groups.par_iter_mut().map(|group| order_group(scene, group)).collect();
+    let baked = |group: &u32| matches!(layout.groups[*group as usize].content, Content::Baked { .. });
+    let (baked, mut order): (Vec<u32>, Vec<u32>) = (0..layout.groups.len() as u32).partition(baked);
+    let baked_bounds: Vec<Bounds> = baked.iter().map(|&g| bounds[g as usize]).collect();
+    order.extend(tree_order(&baked_bounds).into_iter().map(|i| baked[i as usize]));
+    permute_groups(layout, &order);
+}
+
+/// Sorts the triangles of a group; gives its box in world coordinates, empty for a group that is not baked.
+fn order_group(scene: &Scene, group: &mut Group) -> Bounds {
+    match &mut group.content {
+        Content::Kept(_) => Bounds::EMPTY,
+        Content::Piece(mesh, geometries) => {
+            let mesh = &scene.meshes[mesh.0 as usize];
+            order_geometries(geometries, &|at| mesh.corners(at.triangle).map(|p| p.as_dvec3()));
+            Bounds::EMPTY
+        }
+        Content::Baked { frame, geometries } => {
+            let into = frame.inverse();
+            let bounds = order_geometries(geometries, &|at| scene.world_corners(at).map(|p| into.transform_point3(p)));
+            bounds.transformed(frame)
+        }
+    }
+}
+
+/// Sorts the triangles of each geometry by a tree over all of them; gives the box around them.
+fn order_geometries(geometries: &mut [GroupGeometry], corners: &(impl Fn(TriangleRef) -> [DVec3; 3] + Sync)) -> Bounds {
+    let ends: Vec<usize> = geometries
+        .iter()
+        .scan(0, |end, g| {
+            *end += g.triangles.len();
+            Some(*end)
+        })
+        .collect();
+    let all: Vec<TriangleRef> = geometries.iter().flat_map(|g| g.triangles.iter().copied()).collect();
+    let triangle_bounds = |i: u32| Bounds::of(corners(all[i as usize]));
+    let order = large_tree_order(all.len(), &triangle_bounds);
+    geometries.iter_mut().for_each(|g| g.triangles.clear());
+    for &i in &order.items {
+        let geometry = ends.partition_point(|&end| end <= i as usize);
+        geometries[geometry].triangles.push(all[i as usize]);
+    }
+    order.bounds
+}
+
+/// Items in the order of a tree, and the box around them.
+struct Ordered {
+    items: Vec<u32>,
+    bounds: Bounds,
+}
+
+fn large_tree_order(count: usize, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Ordered {
+    let items = (0..count as u32).into_par_iter();
+    let around = items.map(bounds).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
+    let mut items: Vec<u32> = (0..count as u32).collect();
+    if count > TREE_TRIANGLES {
+        items = along_morton_curve(count, bounds, &around);
+    }
+    items.par_chunks_mut(TREE_TRIANGLES).for_each(|chunk| {
+        let boxes: Vec<Bounds> = chunk.iter().map(|&i| bounds(i)).collect();
+        let sorted: Vec<u32> = tree_order(&boxes).into_iter().map(|i| chunk[i as usize]).collect();
+        chunk.copy_from_slice(&sorted);
+    });
+    Ordered { items, bounds: around }
+}
+
+/// The items by the Morton codes of their boxes' centres, 21 bits an axis, then by number.
+fn along_morton_curve(count: usize, bounds: &(impl Fn(u32) -> Bounds + Sync), around: &Bounds) -> Vec<u32> {
+    let extent = around.size().max_element();
+    let cells_per_unit = f64::from((1 << 21) - 1) / extent;
+    let code = |i: u32| {
+        // A cast from NaN gives 0, one from too large a number the largest.
+        let cell = (bounds(i).center() - around.min) * cells_per_unit;
+        spread_bits(cell.x as u64) | spread_bits(cell.y as u64) << 1 | spread_bits(cell.z as u64) << 2
+    };
+    let mut codes: Vec<(u64, u32)> = (0..count as u32).into_par_iter().map(|i| (code(i), i)).collect();
+    codes.par_sort_unstable();
+    codes.into_iter().map(|(_, i)| i).collect()
+}
+
+/// Moves bit `i` of the lowest 21 bits to bit `3 i`.
+fn spread_bits(x: u64) -> u64 {
+    let x = x.min((1 << 21) - 1);
+    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
+    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+    (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+/// The numbers of boxes in the order of a tree; boxes without a finite size come last.
+fn tree_order(boxes: &[Bounds]) -> Vec<u32> {
+    let is_usable = |&i: &u32| {
+        let b = &boxes[i as usize];
+        !b.is_empty() && b.min.is_finite() && b.max.is_finite()
+    };
+    let (usable, rest): (Vec<u32>, Vec<u32>) = (0..boxes.len() as u32).partition(is_usable);
+    let usable_boxes: Vec<Bounds> = usable.iter().map(|&i| boxes[i as usize]).collect();
+    let mut order: Vec<u32> =
+        Tree::build(&usable_boxes, Quality::Fast).order.into_iter().map(|i| usable[i as usize]).collect();
+    order.extend(rest);
+    order
+}
+
+/// Puts the groups in a new order, and the placements of baked groups likewise, after all others.
+fn permute_groups(layout: &mut Layout, order: &[u32]) {
+    let mut new_index = vec![0u32; order.len()];
+    (0u32..).zip(order).for_each(|(new, &old)| new_index[old as usize] = new);
+    let mut groups: Vec<Option<Group>> = std::mem::take(&mut layout.groups).into_iter().map(Some).collect();
+    layout.groups = order.iter().filter_map(|&old| groups[old as usize].take()).collect();
+    let (mut kept, mut baked): (Vec<Placement>, Vec<Placement>) = std::mem::take(&mut layout.placements)
+        .into_iter()
+        .map(|p| Placement { group: new_index[p.group as usize], ..p })
+        .partition(|p: &Placement| p.instance.is_some());
+    baked.sort_by_key(|p| p.group);
+    kept.append(&mut baked);
+    layout.placements = kept;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::*;
+    use super::super::{Method, Options, run};
+    use super::*;
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    /// The mean step along x between triangles that follow each other.
+    fn mean_step(scene: &Scene, triangles: &[TriangleRef]) -> f64 {
+        let x: Vec<f64> = triangles.iter().map(|&t| scene.world_corners(t)[0].x).collect();
+        x.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / (x.len() - 1) as f64
+    }
+
+    #[test]
+    fn an_empty_layout_stays_empty() {
+        let mut layout = Layout::default();
+        order_by_tree(&Scene::default(), &mut layout);
+        assert!(layout.groups.is_empty());
+    }
+
+    #[test]
+    fn neighbours_come_one_after_the_other() {
+        let mut builder = SceneBuilder::default();
+        let shuffled = |i: usize| small_triangle(Vec3::X * (i * 389 % 1000) as f32);
+        builder.object("a", 0, (0..500).map(shuffled).collect());
+        builder.object("b", 0, (500..1000).map(shuffled).collect());
+        let scene = builder.scene();
+        let mut layout = run(Method::Single, &scene, &Options::default());
+        order_by_tree(&scene, &mut layout);
+        assert_eq!(layout.check(&scene), Ok(()));
+        let Content::Baked { geometries, .. } = &layout.groups[0].content else { panic!("not baked") };
+        assert!(mean_step(&scene, &geometries[0].triangles) < 10.0);
+    }
+
+    #[test]
+    fn large_groups_follow_the_morton_curve() {
+        let count = 2 * TREE_TRIANGLES + 17;
+        let x = |i: u32| f64::from(i.wrapping_mul(2_654_435_761));
+        let bounds = |i: u32| Bounds { min: DVec3::X * x(i), max: DVec3::X * x(i) + DVec3::splat(1e6) };
+        let ordered = large_tree_order(count, &bounds);
+        let mut items = ordered.items.clone();
+        items.sort_unstable();
+        assert!(items.into_iter().eq(0..count as u32));
+        let middle = |chunk: &[u32]| chunk.iter().map(|&i| x(i)).sum::<f64>() / chunk.len() as f64;
+        let middles: Vec<f64> = ordered.items.chunks(TREE_TRIANGLES).map(middle).collect();
+        assert!(middles.is_sorted(), "{middles:?}");
+    }
+
+    #[test]
+    fn equal_triangles_keep_their_number() {
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, vec![small_triangle(Vec3::ZERO); 20_000]);
+        builder.object("b", 1, vec![[Vec3::ZERO; 3]; 10]);
+        let scene = builder.scene();
+        let mut layout = run(Method::Single, &scene, &Options::default());
+        order_by_tree(&scene, &mut layout);
+        assert_eq!(layout.check(&scene), Ok(()));
+        assert_eq!(group_sizes(&scene, &layout), [20_010]);
+    }
+
+    #[test]
+    fn the_order_is_the_same_for_any_number_of_threads() {
+        let mut builder = SceneBuilder::default();
+        for i in 0..20 {
+            let start = Vec3::new((i * 7 % 20) as f32, (i * 3 % 5) as f32, 0.0);
+            builder.object("object", i % 3, row(start, 50));
+        }
+        let scene = builder.scene();
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut layout = run(Method::Single, &scene, &Options::default());
+                order_by_tree(&scene, &mut layout);
+                format!("{layout:?}")
+            })
+        };
+        assert_eq!(with(1), with(3));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+        #[test]
+        fn every_layout_of_every_scene_stays_whole(scene in any_scene()) {
+            for method in [Method::Keep, Method::Single, Method::PerObject, Method::Bvh, Method::Overlap] {
+                let mut layout = run(method, &scene, &Options::default());
+                prop_assert_eq!(layout.check(&scene), Ok(()));
+                order_by_tree(&scene, &mut layout);
+                prop_assert_eq!(layout.check(&scene), Ok(()));
+            }
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Small scenes for the tests of the methods.
+
+use glam::{DAffine3, DVec3, Vec3};
+use proptest::prelude::*;
+
+use super::{Content, Layout};
+use crate::scene::{Geometry, Instance, Material, Mesh, MeshId, Pinned, Scene};
+
+/// A scene under construction. Names of meshes and instances are given; nodes count up.
+#[derive(Default)]
+pub(super) struct SceneBuilder(Scene);
+
+impl SceneBuilder {
+    /// Adds a mesh of some geometries: material and triangles.
+    pub(super) fn mesh(&mut self, name: &str, geometries: Vec<(u32, Vec<[Vec3; 3]>)>) -> MeshId {
+        let mut first_triangle = 0;
+        let geometry = |(i, (material, triangles)): (usize, (u32, Vec<[Vec3; 3]>))| {
+            let count = triangles.len() as u32;
+            first_triangle += count;
+            Geometry {
+                primitive: i as u32,
+                material: Some(material),
+                first_triangle: first_triangle - count,
+                positions: triangles.concat(),
+                triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+                ..Geometry::default()
+            }
+        };
+        let geometries = geometries.into_iter().enumerate().map(geometry).collect::<Vec<_>>();
+        let materials = geometries.iter().filter_map(|g| g.material).max().map_or(0, |m| m as usize + 1);
+        let materials = materials.max(self.0.materials.len());
+        self.0.materials.resize(materials, Material::default());
+        let source = self.0.meshes.len() as u32;
+        self.0.meshes.push(Mesh { name: name.into(), source, geometries, whole: true });
+        MeshId(source)
+    }
+
+    /// Places a mesh.
+    pub(super) fn place(&mut self, mesh: MeshId, name: &str, transform: DAffine3) -> &mut Instance {
+        let node = self.0.instances.len() as u32;
+        let instance = Instance { name: name.into(), node, source_node: node, copy: 0, mesh, transform, pinned: None };
+        self.0.instances.push(instance);
+        &mut self.0.instances[node as usize]
+    }
+
+    /// Adds a mesh of one geometry and places it where it is.
+    pub(super) fn object(&mut self, name: &str, material: u32, triangles: Vec<[Vec3; 3]>) {
+        let mesh = self.mesh(name, vec![(material, triangles)]);
+        self.place(mesh, name, DAffine3::IDENTITY);
+    }
+
+    /// The scene, which holds its invariants.
+    pub(super) fn scene(mut self) -> Scene {
+        self.0.nodes = self.0.instances.len();
+        assert_eq!(self.0.check(), Ok(()));
+        self.0
+    }
+}
+
+pub(super) fn at(x: f64, y: f64, z: f64) -> DAffine3 {
+    DAffine3::from_translation(DVec3::new(x, y, z))
+}
+
+/// `count` small triangles in a row along x, from `start`, a unit apart.
+pub(super) fn row(start: Vec3, count: usize) -> Vec<[Vec3; 3]> {
+    (0..count).map(|i| small_triangle(start + Vec3::X * i as f32)).collect()
+}
+
+/// A triangle with edges of about half a unit, not flat along any axis.
+pub(super) fn small_triangle(corner: Vec3) -> [Vec3; 3] {
+    [corner, corner + Vec3::new(0.5, 0.0, 0.25), corner + Vec3::new(0.0, 0.5, 0.25)]
+}
+
+/// How many triangles each group has, in the order of the groups.
+pub(super) fn group_sizes(scene: &Scene, layout: &Layout) -> Vec<usize> {
+    let size = |content: &Content| match content {
+        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
+        Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
+            geometries.iter().map(|g| g.triangles.len()).sum()
+        }
+    };
+    layout.groups.iter().map(|g| size(&g.content)).collect()
+}
+
+/// Names of the groups, each with `kept`, `piece` or `baked`.
+pub(super) fn group_names(layout: &Layout) -> Vec<String> {
+    let kind = |content: &Content| match content {
+        Content::Kept(_) => "kept",
+        Content::Piece(..) => "piece",
+        Content::Baked { .. } => "baked",
+    };
+    layout.groups.iter().map(|g| format!("{} {}", kind(&g.content), g.name)).collect()
+}
+
+fn transform() -> impl Strategy<Value = DAffine3> {
+    let rotation = (0..4u32).prop_map(|q| DAffine3::from_rotation_y(f64::from(q) * 0.9));
+    let scale = prop_oneof![Just(DVec3::ONE), Just(DVec3::new(-1.0, 1.0, 1.0)), Just(DVec3::new(2.0, 0.5, 1.0))];
+    (rotation, scale, [-4.0..4.0, -4.0..4.0, -4.0..4.0])
+        .prop_map(|(r, s, t)| DAffine3::from_translation(DVec3::from(t)) * r * DAffine3::from_scale(s))
+}
+
+fn triangles() -> impl Strategy<Value = Vec<[Vec3; 3]>> {
+    let corner = || [-9..9i8, -9..9i8, -3..3i8].prop_map(|c| Vec3::from(c.map(f32::from)) * 0.5);
+    prop::collection::vec([corner(), corner(), corner()], 1..40)
+}
+
+/// Scenes of a few meshes, some of several geometries, some placed several times, some pinned, some with dropped
+/// triangles.
+pub(super) fn any_scene() -> impl Strategy<Value = Scene> {
+    let mesh = prop::collection::vec((0..3u32, 0..2u32, triangles()), 1..4);
+    let meshes = prop::collection::vec((mesh, 0..5u8), 1..5);
+    let instances = prop::collection::vec((any::<prop::sample::Index>(), transform(), 0..4u8), 0..9);
+    (meshes, instances).prop_map(|(meshes, instances)| {
+        let mut builder = SceneBuilder::default();
+        for (geometries, kind) in meshes {
+            let classes: Vec<u32> = geometries.iter().map(|g| g.1).collect();
+            let mesh = builder.mesh("mesh", geometries.into_iter().map(|(m, _, t)| (m, t)).collect());
+            let made = &mut builder.0.meshes[mesh.0 as usize];
+            made.geometries.iter_mut().zip(classes).for_each(|(g, class)| g.merge_class = class);
+            made.whole = kind > 1;
+            if kind == 0 {
+                made.geometries[0].kept = Some((1..=made.geometries[0].triangles.len() as u32).collect());
+            }
+        }
+        for (mesh, transform, pin) in instances {
+            let mesh = MeshId(mesh.index(builder.0.meshes.len()) as u32);
+            builder.place(mesh, "node", transform).pinned = (pin == 0).then_some(Pinned::Animated);
+        }
+        builder.scene()
+    })
+}

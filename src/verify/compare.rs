@@ -1,0 +1,403 @@
+//! What rays see of both scenes, compared ray by ray, with the truth to judge between them.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::approach::Approach;
+use super::cpu::{Reference, TrueHit};
+use super::identity::{Identity, describe};
+use super::random::Random;
+use super::rays::{Ray, RayKind};
+use super::rounding::{Magnitude, SINGLE, SMALLEST};
+use super::structure::{Structure, reference_length};
+use super::{Hit, VerifyOptions};
+use crate::scene::{InstanceId, Scene, TriangleRef};
+
+/// Roundings that may add up on the way from a ray to a hit.
+pub const ROUNDINGS: f64 = 8.0;
+/// Hits count as far apart beyond this share of the scene's radius.
+const FAR_RATIO: f64 = 1e-4;
+/// Distances below this share of the scene's radius count as this long when errors are taken relative to them.
+const NEAR_RATIO: f64 = 1e-3;
+/// Mismatches put in words.
+const EXAMPLES: usize = 4;
+/// Stream of random numbers for samples, beside those of the rays.
+const SAMPLE_STREAM: u64 = 100;
+
+/// Distance errors against the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// Hits measured.
+    pub count: u64,
+    /// Largest relative error.
+    pub max: f64,
+    sum_of_squares: f64,
+}
+
+impl Errors {
+    /// Root of the mean square of the relative errors; 0 without hits.
+    pub fn rms(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { (self.sum_of_squares / self.count as f64).sqrt() }
+    }
+
+    fn record(&mut self, error: f64) {
+        self.add(Errors { count: 1, max: error, sum_of_squares: error * error });
+    }
+
+    fn add(&mut self, other: Errors) {
+        self.count += other.count;
+        self.max = self.max.max(other.max);
+        self.sum_of_squares += other.sum_of_squares;
+    }
+}
+
+/// What comparing rays found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Rays traced.
+    pub rays: u64,
+    /// Those that hit something before.
+    pub hits: u64,
+    /// Rays on which the output is wrong in a way that rounding does not explain.
+    pub mismatches: u64,
+    /// Rays whose hits lie farther apart than rounding moves a hit along a surface.
+    pub far_hits: u64,
+    /// Rays that pass an edge so closely that rounding decides what they hit.
+    pub silhouettes: u64,
+    /// Rays that meet several triangles at the same distance.
+    pub ties: u64,
+    /// Rays on which the tracer is wrong without the output being to blame.
+    pub tracer_faults: u64,
+    /// Errors before.
+    pub before: Errors,
+    /// Errors after.
+    pub after: Errors,
+    /// The first mismatches, in words.
+    pub examples: Vec<String>,
+}
+
+impl Tally {
+    /// Adds what another comparison found.
+    pub fn add(&mut self, other: Tally) {
+        self.rays += other.rays;
+        self.hits += other.hits;
+        self.mismatches += other.mismatches;
+        self.far_hits += other.far_hits;
+        self.silhouettes += other.silhouettes;
+        self.ties += other.ties;
+        self.tracer_faults += other.tracer_faults;
+        self.before.add(other.before);
+        self.after.add(other.after);
+        self.examples.extend(other.examples);
+        self.examples.truncate(EXAMPLES);
+    }
+}
+
+/// One of the two scenes, as its tracer sees it.
+struct Side<'a> {
+    scene: &'a Scene,
+    /// Leads to the triangles of the input; `None` for the input itself.
+    identity: Option<&'a Identity<'a>>,
+    magnitudes: Vec<Magnitude>,
+    /// How far its triangles are from their place at most, in world units; no farther than allowed.
+    position_error: f64,
+}
+
+/// Two scenes and the truth about the first.
+pub struct Comparison<'a> {
+    before: Side<'a>,
+    after: Side<'a>,
+    identity: &'a Identity<'a>,
+    reference: &'a Reference<'a>,
+    structure_is_clean: bool,
+    radius: f64,
+    seed: u64,
+    sample_ratio: f64,
+}
+
+/// What a tracer says a ray hits, held against the triangle it names.
+struct Claim {
+    source: Option<TriangleRef>,
+    material: Option<u32>,
+    front: bool,
+    /// In world units.
+    distance: f64,
+    /// How the ray really passes the triangle named, and how far off it may be.
+    truly: Option<(Approach, f64)>,
+}
+
+/// What a tracer's word about a ray is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Judgement {
+    Right,
+    Tie,
+    Silhouette,
+    Wrong(&'static str),
+}
+
+/// A ray that needs the truth.
+struct Doubt {
+    ray: usize,
+    before: Option<Claim>,
+    after: Option<Claim>,
+}
+
+impl<'a> Comparison<'a> {
+    /// Prepares a comparison; `structure` is what [`super::structure::compare`] found, `radius` the scene's.
+    pub fn new(
+        identity: &'a Identity<'a>,
+        reference: &'a Reference<'a>,
+        structure: &Structure,
+        radius: f64,
+        options: &VerifyOptions,
+    ) -> Self {
+        let (before, after) = identity.scenes();
+        let allowed = options.max_position_error_ratio * reference_length(before);
+        let position_error = structure.max_position_error.min(allowed);
+        Comparison {
+            before: Side { scene: before, identity: None, magnitudes: magnitudes(before), position_error: 0.0 },
+            after: Side { scene: after, identity: Some(identity), magnitudes: magnitudes(after), position_error },
+            identity,
+            reference,
+            structure_is_clean: structure.is_clean(),
+            radius,
+            seed: options.seed,
+            sample_ratio: options.sample_ratio,
+        }
+    }
+
+    /// Compares what the tracers say about rays. What they agree on and what is true of the triangle they name is
+    /// right; all else, and a sample of that, is judged by the closest hit in truth.
+    pub fn compare(&self, kind: RayKind, rays: &[Ray], before: &[Option<Hit>], after: &[Option<Hit>]) -> Tally {
+        let mut tally =
+            Tally { rays: rays.len() as u64, hits: before.iter().flatten().count() as u64, ..Tally::default() };
+        let first: Vec<(Errors, Errors, Option<Doubt>)> = (0..rays.len())
+            .into_par_iter()
+            .map(|i| self.first_look(kind, i, &rays[i], before[i].as_ref(), after[i].as_ref()))
+            .collect();
+        let mut doubts = Vec::new();
+        for (before, after, doubt) in first {
+            tally.before.add(before);
+            tally.after.add(after);
+            doubts.extend(doubt);
+        }
+        self.settle(kind, rays, &doubts, &mut tally);
+        tally
+    }
+
+    /// The distance errors of both hits, and the ray again if it needs the truth.
+    fn first_look(
+        &self,
+        kind: RayKind,
+        index: usize,
+        ray: &Ray,
+        before: Option<&Hit>,
+        after: Option<&Hit>,
+    ) -> (Errors, Errors, Option<Doubt>) {
+        let doubt = Doubt {
+            ray: index,
+            before: before.map(|hit| self.claim(&self.before, ray, hit)),
+            after: after.map(|hit| self.claim(&self.after, ray, hit)),
+        };
+        let errors = |claim: Option<&Claim>| claim.map_or(Errors::default(), |c| self.error(c));
+        let (error_before, error_after) = (errors(doubt.before.as_ref()), errors(doubt.after.as_ref()));
+        let stream = SAMPLE_STREAM + kind as u64;
+        let is_sampled = || Random::at(self.seed, stream, index).unit() < self.sample_ratio;
+        let settled = doubt.is_agreement()
+            && [&doubt.before, &doubt.after].into_iter().flatten().all(|c| self.fault(c).is_none());
+        (error_before, error_after, (!settled || is_sampled()).then_some(doubt))
+    }
+
+    /// Judges rays by the truth.
+    fn settle(&self, kind: RayKind, rays: &[Ray], doubts: &[Doubt], tally: &mut Tally) {
+        let doubtful: Vec<Ray> = doubts.iter().map(|d| rays[d.ray]).collect();
+        let truths = self.reference.closest(&doubtful);
+        let missed = |(doubt, truth): (&Doubt, &Option<TrueHit>)| {
+            let named = doubt.after.as_ref().and_then(|claim| claim.source);
+            truth.map(|t| t.at).filter(|at| named != Some(*at))
+        };
+        let missed: Vec<Option<TriangleRef>> = doubts.iter().zip(&truths).map(missed).collect();
+        let mut places = self.identity.find(&missed.iter().flatten().copied().collect::<Vec<_>>()).into_iter();
+        for ((doubt, truth), missed) in doubts.iter().zip(&truths).zip(missed) {
+            let ray = &rays[doubt.ray];
+            let place = missed.and_then(|_| places.next().flatten());
+            let after = self.judge(&self.after, ray, doubt.after.as_ref(), truth.as_ref(), place);
+            let before = self.judge(&self.before, ray, doubt.before.as_ref(), truth.as_ref(), truth.map(|t| t.at));
+            self.count(doubt, before, after, tally);
+            if let Judgement::Wrong(why) = after
+                && tally.examples.len() < EXAMPLES
+            {
+                tally.examples.push(self.in_words(kind, doubt, truth.as_ref(), why));
+            }
+        }
+    }
+
+    /// Enters one judged ray.
+    fn count(&self, doubt: &Doubt, before: Judgement, after: Judgement, tally: &mut Tally) {
+        use Judgement::{Right, Silhouette, Tie, Wrong};
+        let agreed = doubt.is_agreement();
+        match (before, after) {
+            (Wrong(_), Wrong(_)) if agreed => tally.tracer_faults += 1,
+            (_, Wrong(_)) => tally.mismatches += 1,
+            (Wrong(_), _) => tally.tracer_faults += 1,
+            (Right, Right) => {}
+            _ if agreed => {}
+            (Silhouette, _) | (_, Silhouette) => tally.silhouettes += 1,
+            (Tie, _) | (_, Tie) => tally.ties += 1,
+        }
+        let apart = match (&doubt.before, &doubt.after) {
+            (None, None) => 0.0,
+            (Some(before), Some(after)) => (before.distance - after.distance).abs(),
+            _ => f64::INFINITY,
+        };
+        tally.far_hits += u64::from(apart > FAR_RATIO * self.radius);
+    }
+
+    fn claim(&self, side: &Side, ray: &Ray, hit: &Hit) -> Claim {
+        let at = TriangleRef { instance: hit.instance, triangle: hit.triangle };
+        let source = side.source(at);
+        let length = ray.direction.as_dvec3().length();
+        let truly = source.map(|source| {
+            let approach = Approach::new(ray, &self.before.scene.world_corners(source));
+            (approach, side.slack(hit.instance, ray, &approach))
+        });
+        let distance = f64::from(hit.t) * length;
+        Claim { source, material: material(side.scene, at), front: hit.front, distance, truly }
+    }
+
+    /// What is wrong with a claim by itself.
+    fn fault(&self, claim: &Claim) -> Option<&'static str> {
+        let (Some(source), Some((truly, slack))) = (claim.source, claim.truly) else {
+            return Some("a triangle that is none of the input's");
+        };
+        if claim.material != material(self.before.scene, source) {
+            Some("another material")
+        } else if !truly.explains(claim.distance, slack) {
+            Some("a triangle that is somewhere else")
+        } else if claim.front != truly.front && !truly.grazes(slack) {
+            Some("the other side of a triangle")
+        } else {
+            None
+        }
+    }
+
+    /// Judges a claim by the closest hit in truth; `place` is where the side's scene has the triangle truly hit.
+    fn judge(
+        &self,
+        side: &Side,
+        ray: &Ray,
+        claim: Option<&Claim>,
+        truth: Option<&TrueHit>,
+        place: Option<TriangleRef>,
+    ) -> Judgement {
+        let claimed = claim.and_then(|c| c.source);
+        if let Some(fault) = claim.and_then(|c| self.fault(c)) {
+            return Judgement::Wrong(fault);
+        }
+        let Some(truth) = truth else {
+            return if claim.is_some() { Judgement::Silhouette } else { Judgement::Right };
+        };
+        if claimed == Some(truth.at) {
+            return Judgement::Right;
+        }
+        let Some(place) = place else { return Judgement::Wrong("not a triangle that is lost") };
+        let truly = Approach::new(ray, &self.before.scene.world_corners(truth.at));
+        let slack = side.slack(place.instance, ray, &truly);
+        let distance = truth.t * ray.direction.as_dvec3().length();
+        match claim {
+            Some(claim) if truly.explains(claim.distance, slack) => self.tie(claim, truth),
+            Some(claim) if claim.distance < distance => Judgement::Silhouette,
+            _ if truly.grazes(slack) || at_an_end(ray, &truly, slack) => Judgement::Silhouette,
+            Some(_) => Judgement::Wrong("a triangle behind the one that is hit"),
+            None => Judgement::Wrong("nothing"),
+        }
+    }
+
+    /// Of two triangles in one place either may be hit; where their materials differ, that is so only if the exact
+    /// comparison vouches for both.
+    fn tie(&self, claim: &Claim, truth: &TrueHit) -> Judgement {
+        if self.structure_is_clean || claim.material == material(self.before.scene, truth.at) {
+            Judgement::Tie
+        } else {
+            Judgement::Wrong("another material in the same place")
+        }
+    }
+
+    /// The relative distance error of a hit, if the ray really goes through the triangle it names.
+    fn error(&self, claim: &Claim) -> Errors {
+        let mut errors = Errors::default();
+        if let Some((truly, slack)) = claim.truly
+            && truly.through
+            && truly.explains(claim.distance, slack)
+        {
+            let distance = truly.distance.max(NEAR_RATIO * self.radius);
+            errors.record((claim.distance - truly.distance).abs() / distance);
+        }
+        errors
+    }
+
+    fn in_words(&self, kind: RayKind, doubt: &Doubt, truth: Option<&TrueHit>, why: &str) -> String {
+        let name = |at: Option<TriangleRef>| at.map_or("nothing".into(), |at| describe(self.before.scene, at));
+        let shown = doubt.after.as_ref().and_then(|c| c.source).map(|at| format!(" ({})", name(Some(at))));
+        format!(
+            "{kind:?} ray {}: the output shows {why}{}, the input {}",
+            doubt.ray,
+            shown.unwrap_or_default(),
+            name(truth.map(|t| t.at))
+        )
+    }
+}
+
+impl Doubt {
+    /// Whether both tracers say the same, as far as that can be seen without knowing how exact they are.
+    fn is_agreement(&self) -> bool {
+        match (&self.before, &self.after) {
+            (None, None) => true,
+            (Some(b), Some(a)) => b.source == a.source && b.front == a.front && b.material == a.material,
+            _ => false,
+        }
+    }
+}
+
+impl Side<'_> {
+    /// The triangle of the input that a triangle is.
+    fn source(&self, at: TriangleRef) -> Option<TriangleRef> {
+        match self.identity {
+            Some(identity) => identity.source(at),
+            None => Some(at),
+        }
+    }
+
+    /// How far a ray may be off a triangle of an instance where it passes it, in world units.
+    fn slack(&self, instance: u32, ray: &Ray, approach: &Approach) -> f64 {
+        let way = ray.direction.as_dvec3().abs() * approach.distance.abs();
+        let magnitude = self.magnitudes[instance as usize].at(ray.origin.as_dvec3().abs() + way);
+        ROUNDINGS * (SINGLE * magnitude + SMALLEST) + self.position_error
+    }
+}
+
+/// Whether a triangle is passed where the ray begins or ends, so that rounding decides whether that counts.
+fn at_an_end(ray: &Ray, approach: &Approach, slack: f64) -> bool {
+    let [near, far] = approach.window(slack);
+    let length = ray.direction.as_dvec3().length();
+    [ray.t_min, ray.t_max].into_iter().map(|t| f64::from(t) * length).any(|end| near <= end && end <= far)
+}
+
+fn material(scene: &Scene, at: TriangleRef) -> Option<u32> {
+    let mesh = scene.mesh_of(InstanceId(at.instance));
+    mesh.geometries[mesh.locate(at.triangle).0].material
+}
+
+fn magnitudes(scene: &Scene) -> Vec<Magnitude> {
+    let reach: Vec<DVec3> = scene
+        .meshes
+        .par_iter()
+        .map(|mesh| {
+            let bounds = mesh.bounds();
+            if bounds.is_empty() { DVec3::ZERO } else { bounds.min.abs().max(bounds.max.abs()) }
+        })
+        .collect();
+    let magnitude =
+        |i: &crate::scene::Instance| Magnitude::new(&i.transform, &i.transform.inverse(), reach[i.mesh.0 as usize]);
+    scene.instances.iter().map(magnitude).collect()
+}

@@ -1,0 +1,92 @@
+//! The truth: rays against the exact triangles, in double precision.
+
+use glam::{DMat3, Vec3};
+use rayon::prelude::*;
+
+use super::boxes::BoxRay;
+use super::search::{Inside, Interval, Stacks, search};
+use super::two_level::{Entry, TwoLevel};
+use super::watertight::ShearedRay;
+use crate::scene::TriangleRef;
+use crate::verify::rays::Ray;
+use crate::verify::rounding::absolute;
+
+/// What a ray really hits first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrueHit {
+    /// Distance in lengths of the ray's direction.
+    pub t: f64,
+    /// The triangle; of several at exactly the same distance the one of lowest instance and number.
+    pub at: TriangleRef,
+    /// Whether its front is seen, by glTF's rule.
+    pub front: bool,
+}
+
+/// Rounding errors allowed for when boxes are tested, in double precision's epsilon times the largest coordinate.
+const PAD: f64 = 64.0 * f64::EPSILON;
+
+/// Finds hits as if without rounding: triangles are tested in world coordinates in double precision, as
+/// [`crate::scene::Scene::world_corners`] gives them; only boxes are tested in the coordinates of a mesh.
+pub struct Reference<'a> {
+    accel: &'a TwoLevel,
+    ways: Vec<Way>,
+}
+
+/// What decides how exactly a ray can be taken into a mesh.
+struct Way {
+    /// |A^-1|, entry by entry.
+    to_mesh: DMat3,
+    /// Condition of the transform: the largest row sum of |A| |A^-1|.
+    condition: f64,
+}
+
+impl<'a> Reference<'a> {
+    /// A reference through built trees.
+    pub fn new(accel: &'a TwoLevel) -> Self {
+        Reference { accel, ways: accel.entries.iter().map(Way::new).collect() }
+    }
+
+    /// The first hits of many rays.
+    pub fn closest(&self, rays: &[Ray]) -> Vec<Option<TrueHit>> {
+        rays.par_iter().map_init(|| Stacks::new(self.accel), |stacks, ray| self.trace(ray, stacks)).collect()
+    }
+
+    fn trace(&self, ray: &Ray, stacks: &mut Stacks<f64>) -> Option<TrueHit> {
+        let scale = self.accel.scale;
+        let (origin, direction) = (ray.origin.as_dvec3() * scale, ray.direction.as_dvec3());
+        let pad = PAD * (origin.abs().max_element() + self.accel.reach);
+        let boxes = BoxRay::new(origin.to_array(), direction.to_array(), pad);
+        let within = Interval { t_min: f64::from(ray.t_min) * scale, t_max: f64::from(ray.t_max) * scale, any: false };
+        let triangles = ShearedRay::new(origin.to_array(), direction.to_array());
+        let enter = |at: usize, entry: &Entry| {
+            let o = entry.to_mesh.transform_point3(origin);
+            let d = entry.to_mesh.transform_vector3(direction);
+            let largest = self.ways[at].to_mesh * (origin.abs() + entry.to_world.translation.abs());
+            // The coordinates of a scaled mesh reach 2.
+            let pad = PAD * self.ways[at].condition * (largest.max_element() + 2.0);
+            let boxes = BoxRay::new(o.to_array(), d.to_array(), pad);
+            Some(Inside { boxes, triangles })
+        };
+        search(self.accel, &boxes, within, stacks, enter, world_corners).map(|found| {
+            let entry = &self.accel.entries[found.entry];
+            TrueHit {
+                t: found.t / scale,
+                at: TriangleRef { instance: entry.instance, triangle: found.triangle },
+                front: found.front,
+            }
+        })
+    }
+}
+
+impl Way {
+    fn new(entry: &Entry) -> Way {
+        let to_mesh = absolute(&entry.to_mesh.matrix3);
+        let product = absolute(&entry.to_world.matrix3) * to_mesh;
+        Way { to_mesh, condition: (product * glam::DVec3::ONE).max_element() }
+    }
+}
+
+fn world_corners(entry: &Entry, corners: &[Vec3; 3]) -> [[f64; 3]; 3] {
+    let [a, b, c] = corners.map(|p| entry.to_world.transform_point3(p.as_dvec3()).to_array());
+    if entry.mirrored { [a, c, b] } else { [a, b, c] }
+}

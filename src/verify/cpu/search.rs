@@ -1,0 +1,100 @@
+//! The search for a ray's hit through both levels, in either precision.
+
+use std::ops::ControlFlow;
+
+use glam::Vec3;
+
+use super::boxes::{BoxRay, Real, Stack, traverse};
+use super::two_level::{Entry, TwoLevel};
+use super::watertight::ShearedRay;
+
+/// The stacks of both levels, kept from ray to ray.
+pub(super) struct Stacks<T> {
+    top: Stack<T>,
+    bottom: Stack<T>,
+}
+
+impl<T> Stacks<T> {
+    pub(super) fn new(accel: &TwoLevel) -> Self {
+        let [top, bottom] = accel.depth.map(Vec::with_capacity);
+        Stacks { top, bottom }
+    }
+}
+
+/// What is looked for: hits between `t_min` and `t_max`, the ends excluded.
+#[derive(Clone, Copy)]
+pub(super) struct Interval<T> {
+    pub(super) t_min: T,
+    pub(super) t_max: T,
+    /// Whether the first hit found will do.
+    pub(super) any: bool,
+}
+
+/// A hit, in scaled units.
+#[derive(Clone, Copy)]
+pub(super) struct Found<T> {
+    pub(super) t: T,
+    /// Index into the entries.
+    pub(super) entry: usize,
+    /// Triangle of the mesh.
+    pub(super) triangle: u32,
+    /// As seen in the coordinates that the triangle test was done in.
+    pub(super) front: bool,
+}
+
+/// How a ray looks inside an instance: for the boxes, and for the triangles.
+pub(super) struct Inside<T> {
+    pub(super) boxes: BoxRay<T>,
+    pub(super) triangles: ShearedRay<T>,
+}
+
+/// The nearest hit of a ray, or any. Of hits at the same distance the one with the lowest instance and triangle, so
+/// that the result does not depend on the shape of the trees. `enter` takes the ray into an entry, `corners` gives a
+/// triangle of an entry in the coordinates of [`Inside::triangles`].
+pub(super) fn search<T: Real>(
+    accel: &TwoLevel,
+    ray: &BoxRay<T>,
+    within: Interval<T>,
+    stacks: &mut Stacks<T>,
+    enter: impl Fn(usize, &Entry) -> Option<Inside<T>>,
+    corners: impl Fn(&Entry, &[Vec3; 3]) -> [[T; 3]; 3],
+) -> Option<Found<T>> {
+    let mut best: Option<Found<T>> = None;
+    let Stacks { top, bottom } = stacks;
+    let _ = traverse(&accel.top, ray, within.t_min, within.t_max, top, |items| {
+        for at in items {
+            let entry = &accel.entries[at];
+            let mesh = &accel.bottom[entry.mesh as usize];
+            let Some(inside) = enter(at, entry) else { continue };
+            let limit = best.map_or(within.t_max, |b| b.t);
+            traverse(&mesh.nodes, &inside.boxes, within.t_min, limit, bottom, |items| {
+                for i in items {
+                    let Some(crossing) = inside.triangles.cross(corners(entry, &mesh.corners[i])) else { continue };
+                    let found = Found { t: crossing.t, entry: at, triangle: mesh.order[i], front: crossing.front };
+                    if within.contains(found.t) && best.is_none_or(|b| found.is_before(&b, accel)) {
+                        best = Some(found);
+                        if within.any {
+                            return ControlFlow::Break(());
+                        }
+                    }
+                }
+                ControlFlow::Continue(best.map_or(within.t_max, |b| b.t))
+            })?;
+        }
+        ControlFlow::Continue(best.map_or(within.t_max, |b| b.t))
+    });
+    best
+}
+
+impl<T: Real> Interval<T> {
+    fn contains(&self, t: T) -> bool {
+        t > self.t_min && t < self.t_max
+    }
+}
+
+impl<T: Real> Found<T> {
+    fn is_before(&self, other: &Found<T>, accel: &TwoLevel) -> bool {
+        let key = |f: &Found<T>| (accel.entries[f.entry].instance, f.triangle);
+        self.t < other.t || self.t == other.t && key(self) < key(other)
+    }
+}

@@ -1,0 +1,93 @@
+//! The tracer under test: single precision throughout, as on a device.
+
+use glam::{Affine3A, DAffine3, Vec3, Vec3A};
+use rayon::prelude::*;
+
+use super::boxes::BoxRay;
+use super::search::{Found, Inside, Interval, Stacks, search};
+use super::two_level::TwoLevel;
+use super::watertight::ShearedRay;
+use crate::verify::rays::Ray;
+use crate::verify::{Hit, Tracer};
+
+/// Rays a task: few enough to spread over threads, enough to pay for its stacks.
+const BATCH: usize = 256;
+
+/// Boxes count as larger by this many times the largest coordinate that meets in a slab test.
+const PAD: f32 = 4.0 * f32::EPSILON;
+
+/// Traces rays on the CPU as a device does: instances are entered by taking the ray into the mesh with a matrix of
+/// 32-bit floats, the direction keeping its length so that distances need no conversion. Front is the side from
+/// which the corners run counter-clockwise in the mesh: a mirroring instance turns that side along, as glTF asks.
+pub struct CpuTracer<'a> {
+    accel: &'a TwoLevel,
+    /// Mesh from world, for each entry; `None` where it overflows.
+    to_mesh: Vec<Option<Affine3A>>,
+}
+
+impl<'a> CpuTracer<'a> {
+    /// A tracer through built trees.
+    pub fn new(accel: &'a TwoLevel) -> Self {
+        CpuTracer { accel, to_mesh: accel.entries.iter().map(|e| single(&e.to_mesh)).collect() }
+    }
+
+    fn trace(&self, ray: &Ray, any: bool, stacks: &mut Stacks<f32>) -> Option<Hit> {
+        let scale = |x: f32| (f64::from(x) * self.accel.scale) as f32;
+        let origin = Vec3A::from_array(ray.origin.to_array().map(scale));
+        let direction = Vec3A::from(ray.direction);
+        let boxes = slab_ray(origin, direction, self.accel.reach as f32);
+        let within = Interval { t_min: scale(ray.t_min), t_max: scale(ray.t_max), any };
+        let enter = |at: usize| {
+            let to_mesh = self.to_mesh[at]?;
+            let (o, d) = (to_mesh.transform_point3a(origin), to_mesh.transform_vector3a(direction));
+            Some(Inside { boxes: slab_ray(o, d, 2.0), triangles: ShearedRay::new(o.to_array(), d.to_array()) })
+        };
+        search(self.accel, &boxes, within, stacks, |at, _| enter(at), |_, c| c.map(|p: Vec3| p.to_array()))
+            .map(|found| self.hit(&found))
+    }
+
+    fn hit(&self, found: &Found<f32>) -> Hit {
+        Hit {
+            t: (f64::from(found.t) / self.accel.scale) as f32,
+            instance: self.accel.entries[found.entry].instance,
+            triangle: found.triangle,
+            front: found.front,
+        }
+    }
+
+    fn each<R: Send>(&self, rays: &[Ray], trace: impl Fn(&Ray, &mut Stacks<f32>) -> R + Sync) -> Vec<R> {
+        rays.par_iter()
+            .with_min_len(BATCH)
+            .map_init(|| Stacks::new(self.accel), |stacks, ray| trace(ray, stacks))
+            .collect()
+    }
+}
+
+impl Tracer for CpuTracer<'_> {
+    fn device(&self) -> String {
+        match rayon::current_num_threads() {
+            1 => "CPU, 1 thread".into(),
+            n => format!("CPU, {n} threads"),
+        }
+    }
+
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        self.each(rays, |ray, stacks| self.trace(ray, false, stacks))
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
+    }
+}
+
+/// A ray for slab tests against boxes whose coordinates are at most `reach`.
+fn slab_ray(origin: Vec3A, direction: Vec3A, reach: f32) -> BoxRay<f32> {
+    let pad = PAD * (origin.abs().max_element() + reach);
+    BoxRay::new(origin.to_array(), direction.to_array(), pad)
+}
+
+/// A transform in single precision, unless it overflows.
+fn single(transform: &DAffine3) -> Option<Affine3A> {
+    let single = Affine3A::from_cols_array(&transform.to_cols_array().map(|x| x as f32));
+    single.is_finite().then_some(single)
+}

@@ -1,0 +1,170 @@
+//! A scene as two levels of trees, shared by the tracer and the reference.
+//!
+//! World and meshes are scaled by powers of two so that their largest coordinate lies in [1, 2): that changes no
+//! digit, but keeps products of coordinates of 1e30 or 1e-30 within the range of single precision.
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::boxes::{BoxNode, boxed};
+use crate::cost::tree::{Quality, Tree};
+use crate::scene::{Bounds, Instance, Mesh, Scene};
+use crate::verify::rounding::{Magnitude, SINGLE};
+
+/// One level of the structure for each mesh, and one over the instances.
+#[derive(Debug, Default)]
+pub struct TwoLevel {
+    pub(super) bottom: Vec<Bottom>,
+    pub(super) top: Vec<BoxNode>,
+    /// The instances that rays can enter, in the order of the top tree.
+    pub(super) entries: Vec<Entry>,
+    /// Scaled world units a world unit.
+    pub(super) scale: f64,
+    /// Largest coordinate of the top tree, in scaled world units.
+    pub(super) reach: f64,
+    /// Depth of the top tree and of the deepest bottom tree.
+    pub(super) depth: [usize; 2],
+}
+
+/// The tree of a mesh.
+#[derive(Debug, Default)]
+pub(super) struct Bottom {
+    pub(super) nodes: Vec<BoxNode>,
+    /// Corners in tree order, scaled.
+    pub(super) corners: Vec<[Vec3; 3]>,
+    /// Triangle of the mesh, by tree order.
+    pub(super) order: Vec<u32>,
+    /// Scaled mesh units a mesh unit.
+    scale: f64,
+    /// Box of the scaled corners.
+    bounds: Bounds,
+    pub(super) depth: usize,
+}
+
+/// An instance as rays enter it.
+#[derive(Debug)]
+pub(super) struct Entry {
+    /// Index into the scene's instances.
+    pub(super) instance: u32,
+    pub(super) mesh: u32,
+    /// Scaled world from scaled mesh.
+    pub(super) to_world: DAffine3,
+    /// Scaled mesh from scaled world.
+    pub(super) to_mesh: DAffine3,
+    pub(super) mirrored: bool,
+}
+
+impl TwoLevel {
+    /// Builds the trees. Instances whose transform has no inverse are left out, as no ray can enter them.
+    pub fn build(scene: &Scene) -> TwoLevel {
+        let bottom: Vec<Bottom> = scene.meshes.par_iter().map(Bottom::build).collect();
+        let extent = |i: &Instance| {
+            let mesh = &bottom[i.mesh.0 as usize];
+            largest_coordinate(&mesh.bounds.transformed(&scaled(&i.transform, 1.0, mesh.scale)))
+        };
+        let scale = unit_scale(scene.instances.iter().map(extent).fold(0.0, f64::max));
+        let placed: Vec<(Entry, Bounds)> = (0..scene.instances.len())
+            .into_par_iter()
+            .filter_map(|i| Entry::of(i, &scene.instances[i], &bottom, scale))
+            .collect();
+        let (entries, boxes): (Vec<Entry>, Vec<Bounds>) = placed.into_iter().unzip();
+        let tree = Tree::build(&boxes, Quality::Medium);
+        let mut by_index: Vec<Option<Entry>> = entries.into_iter().map(Some).collect();
+        let deepest = bottom.iter().map(|b| b.depth).max().unwrap_or(0);
+        TwoLevel {
+            top: boxed(&tree, &boxes),
+            entries: tree.order.iter().filter_map(|&i| by_index[i as usize].take()).collect(),
+            scale,
+            reach: boxes.iter().map(largest_coordinate).fold(0.0, f64::max),
+            depth: [tree.depth(), deepest],
+            bottom,
+        }
+    }
+}
+
+impl Bottom {
+    fn build(mesh: &Mesh) -> Bottom {
+        let all = || mesh.geometries.iter().flat_map(|g| (0..g.triangles.len()).map(|t| g.corners(t)));
+        let scale = unit_scale(all().flatten().map(|p| f64::from(p.abs().max_element())).fold(0.0, f64::max));
+        let corners: Vec<[Vec3; 3]> = all().map(|c| c.map(|p| (p.as_dvec3() * scale).as_vec3())).collect();
+        let boxes: Vec<Bounds> = corners.iter().map(|c| Bounds::of(c.iter().map(|p| p.as_dvec3()))).collect();
+        let tree = Tree::build(&boxes, Quality::Medium);
+        Bottom {
+            nodes: boxed(&tree, &boxes),
+            corners: tree.order.iter().map(|&t| corners[t as usize]).collect(),
+            depth: tree.depth(),
+            order: tree.order,
+            scale,
+            bounds: boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b)),
+        }
+    }
+}
+
+impl Entry {
+    /// The entry and its world box as a driver computes it, wide enough for what single precision makes of a ray
+    /// that is taken into the mesh.
+    fn of(index: usize, instance: &Instance, bottom: &[Bottom], scale: f64) -> Option<(Entry, Bounds)> {
+        let mesh = &bottom[instance.mesh.0 as usize];
+        let to_world = scaled(&instance.transform, scale, mesh.scale);
+        let to_mesh = inverse(&to_world)?;
+        let tight = mesh.bounds.transformed(&to_world);
+        let finite = !tight.is_empty() && tight.min.is_finite() && tight.max.is_finite();
+        let largest = Magnitude::new(&to_world, &to_mesh, mesh.bounds.min.abs().max(mesh.bounds.max.abs()));
+        // All of the scaled world lies within two units of the origin.
+        let pad = DVec3::splat((8.0 * SINGLE * largest.at(tight.min.abs().max(tight.max.abs()))).min(4.0));
+        let entry =
+            Entry { instance: index as u32, mesh: instance.mesh.0, mirrored: instance.mirrored(), to_world, to_mesh };
+        finite.then_some((entry, Bounds { min: tight.min - pad, max: tight.max + pad }))
+    }
+}
+
+/// The inverse of a transform, if it has one.
+fn inverse(transform: &DAffine3) -> Option<DAffine3> {
+    let inverse = transform.inverse();
+    (transform.matrix3.determinant() != 0.0 && inverse.is_finite()).then_some(inverse)
+}
+
+/// A transform between a world and a mesh that are scaled.
+fn scaled(transform: &DAffine3, world: f64, mesh: f64) -> DAffine3 {
+    let m = transform.matrix3;
+    let by = world / mesh;
+    DAffine3 {
+        matrix3: DMat3::from_cols(m.x_axis * by, m.y_axis * by, m.z_axis * by),
+        translation: transform.translation * world,
+    }
+}
+
+fn largest_coordinate(bounds: &Bounds) -> f64 {
+    if bounds.is_empty() { 0.0 } else { bounds.min.abs().max(bounds.max.abs()).max_element() }
+}
+
+/// The power of two that takes a positive number into [1, 2); 1 for zero and what is not finite.
+fn unit_scale(largest: f64) -> f64 {
+    if largest.is_normal() {
+        let exponent = i64::from((largest.to_bits() >> 52) as u32 & 0x7ff) - 1023;
+        f64::from_bits(((1023 - exponent).clamp(1, 2046) as u64) << 52)
+    } else {
+        1.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unit_scale_is_the_power_of_two() {
+        for x in [1.0, 1.5, 1e30, 1e-30, 3.0e-45, 1e300, 1e-300] {
+            let s = unit_scale(x);
+            assert!((1.0..2.0).contains(&(s * x)), "{x}");
+            assert_eq!(s.to_bits() << 12, 0);
+        }
+        assert_eq!([0.0, f64::NAN, f64::INFINITY].map(unit_scale), [1.0; 3]);
+    }
+
+    #[test]
+    fn nothing_gives_nothing() {
+        let empty = TwoLevel::build(&Scene::default());
+        assert!(empty.top.is_empty() && empty.entries.is_empty());
+    }
+}

@@ -1,0 +1,235 @@
+//! Which triangle of the input each triangle of the output is.
+
+use std::ops::Range;
+
+use raykiln_formats::contents::{Provenance, Source};
+
+use crate::scene::{Geometry, Instance, InstanceId, Scene, TriangleRef};
+
+/// Leads from the placed triangles of a file (`after`) to those of the file it was made from (`before`).
+///
+/// A geometry with provenance says so itself; one without stands for itself: same node, copy, mesh, primitive and
+/// triangle. Provenance that makes no sense leads nowhere. A file equal to its input in all its provenance is the
+/// input, so that what it says is about another, earlier one, and every triangle stands for itself.
+pub struct Identity<'a> {
+    before: &'a Scene,
+    after: &'a Scene,
+    /// Instances of `before` by node and copy, sorted.
+    placed: Vec<(u32, u32, u32)>,
+    /// For each mesh of `after` and each of its geometries the first triangle of every run.
+    starts: Vec<Vec<Vec<u64>>>,
+    unchanged: bool,
+}
+
+/// A primitive of `before` as an instance places it.
+#[derive(Clone, Copy)]
+struct Piece<'a> {
+    instance: u32,
+    geometry: &'a Geometry,
+}
+
+impl<'a> Identity<'a> {
+    /// Prepares to look up the triangles of `after`.
+    pub fn new(before: &'a Scene, after: &'a Scene) -> Self {
+        let mut placed: Vec<_> = (0u32..).zip(&before.instances).map(|(i, at)| (at.node, at.copy, i)).collect();
+        placed.sort_unstable();
+        let starts = after.meshes.iter().map(|m| m.geometries.iter().map(run_starts).collect()).collect();
+        Identity { before, after, placed, starts, unchanged: is_unchanged(before, after) }
+    }
+
+    /// The scenes it leads to and from: `before` and `after`.
+    pub fn scenes(&self) -> (&'a Scene, &'a Scene) {
+        (self.before, self.after)
+    }
+
+    /// The triangle of `before` that a placed triangle of `after` is.
+    pub fn source(&self, at: TriangleRef) -> Option<TriangleRef> {
+        let mesh = self.after.mesh_of(InstanceId(at.instance));
+        let (geometry, triangle) = mesh.locate(at.triangle);
+        self.sources(at.instance, geometry, triangle..triangle + 1).next().flatten()
+    }
+
+    /// The triangles of `before` for a range of triangles of a geometry of `after`, as an instance places it.
+    pub fn sources(
+        &self,
+        instance: u32,
+        geometry: usize,
+        triangles: Range<usize>,
+    ) -> impl Iterator<Item = Option<TriangleRef>> + '_ {
+        let placing = &self.after.instances[instance as usize];
+        let of = &self.after.meshes[placing.mesh.0 as usize].geometries[geometry];
+        let starts = &self.starts[placing.mesh.0 as usize][geometry];
+        let whole = self.whole(placing, of);
+        // Consecutive triangles mostly share their run and its source: the last ones are kept.
+        let (mut run, mut from) = (0, (u32::MAX, None));
+        triangles.map(move |triangle| {
+            let in_file = of.kept.as_ref().map_or(triangle as u32, |kept| kept[triangle]);
+            let Some(Provenance::Runs { sources, runs }) = of.provenance.as_ref().filter(|_| !self.unchanged) else {
+                return whole?.triangle(in_file);
+            };
+            run = run_of(starts, u64::from(in_file), run)?;
+            let &[source, first, _] = runs.get(run)?;
+            if from.0 != source {
+                from = (source, self.run_source(placing, sources.get(source as usize)?));
+            }
+            from.1?.triangle(u32::try_from(u64::from(first) + u64::from(in_file) - starts[run]).ok()?)
+        })
+    }
+
+    /// Where `after` has some triangles of `before`: the first place of each, `None` for triangles it has nowhere.
+    pub fn find(&self, wanted: &[TriangleRef]) -> Vec<Option<TriangleRef>> {
+        use rayon::prelude::*;
+        let mut sorted = wanted.to_vec();
+        sorted.sort_unstable();
+        sorted.dedup();
+        if sorted.is_empty() {
+            return Vec::new();
+        }
+        let found: Vec<Vec<(usize, TriangleRef)>> =
+            chunks(self.after).par_iter().map(|chunk| self.find_in(chunk, &sorted)).collect();
+        let mut places = vec![None; sorted.len()];
+        for (which, at) in found.into_iter().flatten() {
+            places[which] = places[which].or(Some(at));
+        }
+        wanted.iter().map(|w| sorted.binary_search(w).ok().and_then(|which| places[which])).collect()
+    }
+
+    fn find_in(&self, chunk: &Chunk, sorted: &[TriangleRef]) -> Vec<(usize, TriangleRef)> {
+        let sources = self.sources(chunk.instance, chunk.geometry, chunk.triangles.clone());
+        let hits = sources.zip(chunk.refs(self.after));
+        hits.filter_map(|(source, at)| Some((sorted.binary_search(&source?).ok()?, at))).collect()
+    }
+
+    /// The primitive of `before` that a geometry without runs is.
+    fn whole(&self, placing: &Instance, of: &Geometry) -> Option<Piece<'a>> {
+        let own = (self.after.meshes[placing.mesh.0 as usize].source, of.primitive);
+        let (mesh, primitive) = match of.provenance {
+            Some(Provenance::Same { mesh, primitive }) if !self.unchanged => (mesh, primitive),
+            _ => own,
+        };
+        self.piece(self.stands_for(placing), placing.copy, mesh, primitive)
+    }
+
+    /// The primitive of `before` that runs of a source come from.
+    fn run_source(&self, placing: &Instance, source: &Source) -> Option<Piece<'a>> {
+        match source.node {
+            Some(node) => self.piece(node, source.copy, source.mesh, source.primitive),
+            None => self.piece(self.stands_for(placing), placing.copy, source.mesh, source.primitive),
+        }
+    }
+
+    /// The node of `before` that an instance of `after` stands for.
+    fn stands_for(&self, placing: &Instance) -> u32 {
+        if self.unchanged { placing.node } else { placing.source_node }
+    }
+
+    fn piece(&self, node: u32, copy: u32, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
+        let at = self.placed.binary_search_by_key(&(node, copy), |&(node, copy, _)| (node, copy)).ok()?;
+        let instance = self.placed[at].2;
+        let of = self.before.mesh_of(InstanceId(instance));
+        let geometry = of.geometries.binary_search_by_key(&primitive, |g| g.primitive).ok()?;
+        (of.source == mesh).then_some(Piece { instance, geometry: &of.geometries[geometry] })
+    }
+}
+
+impl Piece<'_> {
+    /// A triangle by its index in the file's primitive.
+    fn triangle(&self, in_file: u32) -> Option<TriangleRef> {
+        let triangle = match &self.geometry.kept {
+            Some(kept) => kept.binary_search(&in_file).ok()? as u32,
+            None => in_file,
+        };
+        let exists = (triangle as usize) < self.geometry.triangles.len();
+        exists.then(|| TriangleRef { instance: self.instance, triangle: self.geometry.first_triangle + triangle })
+    }
+}
+
+/// Some triangles of one geometry as one instance places it.
+pub(super) struct Chunk {
+    pub(super) instance: u32,
+    pub(super) geometry: usize,
+    /// Within the geometry.
+    pub(super) triangles: Range<usize>,
+}
+
+impl Chunk {
+    /// The chunk's triangles, by their place in the scene.
+    pub(super) fn refs(&self, scene: &Scene) -> impl Iterator<Item = TriangleRef> + use<> {
+        let instance = self.instance;
+        let first = scene.mesh_of(InstanceId(instance)).geometries[self.geometry].first_triangle;
+        self.triangles.clone().map(move |t| TriangleRef { instance, triangle: first + t as u32 })
+    }
+}
+
+/// Triangles a chunk.
+const CHUNK: usize = 1 << 14;
+
+/// All placed triangles of a scene, in order, in chunks to be worked on in parallel.
+pub(super) fn chunks(scene: &Scene) -> Vec<Chunk> {
+    let mut chunks = Vec::new();
+    for (instance, placing) in scene.instances.iter().enumerate() {
+        for (geometry, of) in scene.meshes[placing.mesh.0 as usize].geometries.iter().enumerate() {
+            let count = of.triangles.len();
+            chunks.extend((0..count).step_by(CHUNK).map(|start| Chunk {
+                instance: instance as u32,
+                geometry,
+                triangles: start..count.min(start + CHUNK),
+            }));
+        }
+    }
+    chunks
+}
+
+/// The first triangle of every run of a geometry, by index in its file.
+fn run_starts(geometry: &Geometry) -> Vec<u64> {
+    let Some(Provenance::Runs { runs, .. }) = &geometry.provenance else { return Vec::new() };
+    let mut next = 0;
+    let mut starts: Vec<u64> = Vec::with_capacity(runs.len() + 1);
+    for [_, _, count] in runs {
+        starts.push(next);
+        next += u64::from(*count);
+    }
+    starts.push(next);
+    starts
+}
+
+/// The run a triangle lies in, looked for first at the run of the triangle before it.
+fn run_of(starts: &[u64], in_file: u64, hint: usize) -> Option<usize> {
+    let is_in = |run: usize| starts.get(run..run + 2).is_some_and(|s| (s[0]..s[1]).contains(&in_file));
+    [hint, hint + 1]
+        .into_iter()
+        .find(|&run| is_in(run))
+        .or_else(|| starts.partition_point(|&start| start <= in_file).checked_sub(1))
+}
+
+/// Whether two files place the same primitives with the same provenance.
+fn is_unchanged(before: &Scene, after: &Scene) -> bool {
+    let same_instances = before.instances.len() == after.instances.len()
+        && before
+            .instances
+            .iter()
+            .zip(&after.instances)
+            .all(|(a, b)| (a.node, a.source_node, a.copy, a.mesh) == (b.node, b.source_node, b.copy, b.mesh));
+    let same_geometry = |(a, b): (&Geometry, &Geometry)| a.primitive == b.primitive && a.provenance == b.provenance;
+    same_instances
+        && before.meshes.len() == after.meshes.len()
+        && before.meshes.iter().zip(&after.meshes).all(|(a, b)| {
+            a.source == b.source
+                && a.geometries.len() == b.geometries.len()
+                && a.geometries.iter().zip(&b.geometries).all(same_geometry)
+        })
+}
+
+/// A placed triangle in words.
+pub(super) fn describe(scene: &Scene, at: TriangleRef) -> String {
+    let instance = &scene.instances[at.instance as usize];
+    let mesh = scene.mesh_of(InstanceId(at.instance));
+    let (geometry, triangle) = mesh.locate(at.triangle);
+    let geometry = &mesh.geometries[geometry];
+    let in_file = geometry.kept.as_ref().map_or(triangle as u32, |kept| kept[triangle]);
+    let copy = if instance.copy > 0 { format!(" (copy {})", instance.copy) } else { String::new() };
+    format!(
+        "triangle {in_file} of primitive {} of mesh {} `{}` at node {} `{}`{copy}",
+        geometry.primitive, mesh.source, mesh.name, instance.node, instance.name
+    )
+}

@@ -1,0 +1,277 @@
+//! The exact part of verification: every placed triangle of the input is in the output, once, in its place.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::identity::{Chunk, Identity, chunks, describe};
+use crate::scene::{InstanceId, Scene, TriangleRef};
+
+/// Triangles with one kind of fault.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// How many.
+    pub count: u64,
+    /// The first of them, in words.
+    pub first: Option<String>,
+}
+
+/// What comparing two scenes triangle by triangle found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Structure {
+    /// Triangles that the input's instances place.
+    pub triangles_before: u64,
+    /// Triangles that the output's instances place.
+    pub triangles_after: u64,
+    /// Triangles of the input that the output lacks.
+    pub missing: Fault,
+    /// Triangles of the input that the output has more than once; the first does not count.
+    pub repeated: Fault,
+    /// Triangles of the output that are none of the input's.
+    pub unknown: Fault,
+    /// Triangles with another material than in the input.
+    pub wrong_material: Fault,
+    /// Triangles in their place that face the other way.
+    pub flipped: Fault,
+    /// Triangles with a corner farther from its place than allowed.
+    pub moved: Fault,
+    /// Largest distance of a corner from its place, in world units.
+    pub max_position_error: f64,
+    /// The same over the diagonal of the input's box (of a scene in one point: over its distance from the origin).
+    pub position_error_ratio: f64,
+}
+
+impl Structure {
+    /// The faults, each with its name.
+    pub fn faults(&self) -> [(&'static str, &Fault); 6] {
+        [
+            ("missing", &self.missing),
+            ("repeated", &self.repeated),
+            ("unknown", &self.unknown),
+            ("of another material", &self.wrong_material),
+            ("flipped", &self.flipped),
+            ("moved", &self.moved),
+        ]
+    }
+
+    /// Whether there is no fault.
+    pub fn is_clean(&self) -> bool {
+        self.faults().iter().all(|(_, fault)| fault.count == 0)
+    }
+}
+
+/// Compares two scenes triangle by triangle, in time linear in their number and with two bits of memory for each.
+///
+/// Corners may be listed in another order as long as the same side is the front; each may lie up to
+/// `max_position_error_ratio` times the input's diagonal from its place. Instances with singular transforms, which no
+/// ray can enter, are compared too.
+pub fn compare(identity: &Identity, before: &Scene, after: &Scene, max_position_error_ratio: f64) -> Structure {
+    let size = reference_length(before);
+    let check = Check { identity, before, after, limit: max_position_error_ratio * size, seen: Seen::new(before) };
+    let tallies: Vec<Tally> = chunks(after).par_iter().map(|chunk| check.chunk(chunk)).collect();
+    let all = tallies.into_iter().fold(Tally::default(), Tally::then);
+    let words = |scene: &Scene, first: Option<TriangleRef>| first.map(|at| describe(scene, at));
+    let in_after = |few: Few| Fault { count: few.count, first: words(after, few.first) };
+    let in_before = |few: Few| Fault { count: few.count, first: words(before, few.first) };
+    Structure {
+        triangles_before: before.triangles_placed(),
+        triangles_after: after.triangles_placed(),
+        missing: in_before(check.seen.missing()),
+        repeated: in_before(Few { count: all.repeated, first: check.seen.first_repeated() }),
+        unknown: in_after(all.unknown),
+        wrong_material: in_after(all.wrong_material),
+        flipped: in_after(all.flipped),
+        moved: in_after(all.moved),
+        max_position_error: all.max_error.min(f64::MAX),
+        position_error_ratio: if all.max_error > 0.0 { (all.max_error / size).min(f64::MAX) } else { 0.0 },
+    }
+}
+
+/// What position errors are relative to: the diagonal of the scene's box, or what stands in for it.
+pub fn reference_length(scene: &Scene) -> f64 {
+    let bounds = scene.bounds();
+    let from_origin = bounds.center().length();
+    [bounds.diagonal(), from_origin].into_iter().find(|&length| length > 0.0).unwrap_or(1.0)
+}
+
+struct Check<'a> {
+    identity: &'a Identity<'a>,
+    before: &'a Scene,
+    after: &'a Scene,
+    /// Largest position error allowed, in world units.
+    limit: f64,
+    seen: Seen,
+}
+
+/// A number of triangles and the first of them.
+#[derive(Clone, Copy, Default)]
+struct Few {
+    count: u64,
+    first: Option<TriangleRef>,
+}
+
+impl Few {
+    fn add(&mut self, at: TriangleRef) {
+        self.count += 1;
+        self.first = self.first.or(Some(at));
+    }
+
+    fn then(self, later: Few) -> Few {
+        Few { count: self.count + later.count, first: self.first.or(later.first) }
+    }
+}
+
+/// What was found in a stretch of triangles.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    repeated: u64,
+    unknown: Few,
+    wrong_material: Few,
+    flipped: Few,
+    moved: Few,
+    max_error: f64,
+}
+
+impl Tally {
+    fn then(self, later: Tally) -> Tally {
+        Tally {
+            repeated: self.repeated + later.repeated,
+            unknown: self.unknown.then(later.unknown),
+            wrong_material: self.wrong_material.then(later.wrong_material),
+            flipped: self.flipped.then(later.flipped),
+            moved: self.moved.then(later.moved),
+            max_error: self.max_error.max(later.max_error),
+        }
+    }
+}
+
+impl Check<'_> {
+    fn chunk(&self, chunk: &Chunk) -> Tally {
+        let mut tally = Tally::default();
+        let sources = self.identity.sources(chunk.instance, chunk.geometry, chunk.triangles.clone());
+        let material = self.after.mesh_of(InstanceId(chunk.instance)).geometries[chunk.geometry].material;
+        for (at, source) in chunk.refs(self.after).zip(sources) {
+            let Some(source) = source else {
+                tally.unknown.add(at);
+                continue;
+            };
+            tally.repeated += u64::from(self.seen.mark(source));
+            let (placed, original) = (self.after.world_corners(at), self.before.world_corners(source));
+            let (error, same_side) = distance(&placed, &original);
+            tally.max_error = tally.max_error.max(error);
+            if !same_side {
+                tally.flipped.add(at);
+            }
+            if error > self.limit {
+                tally.moved.add(at);
+            }
+            let mesh = self.before.mesh_of(InstanceId(source.instance));
+            if material != mesh.geometries[mesh.locate(source.triangle).0].material {
+                tally.wrong_material.add(at);
+            }
+        }
+        tally
+    }
+}
+
+/// How far the farthest corner is from its place, for the best assignment of corners, and whether that assignment
+/// leaves the same side in front. Where both sides fit about as well, as in triangles no larger than the error, the
+/// triangle counts as not flipped.
+fn distance(placed: &[DVec3; 3], original: &[DVec3; 3]) -> (f64, bool) {
+    let [a, b, c] = *placed;
+    let farthest = |order: [DVec3; 3]| order.iter().zip(original).map(|(p, q)| p.distance(*q)).fold(0.0, worse);
+    let same = [[a, b, c], [b, c, a], [c, a, b]].map(farthest).into_iter().fold(f64::INFINITY, f64::min);
+    if same == 0.0 {
+        return (0.0, true);
+    }
+    let flipped = [[a, c, b], [c, b, a], [b, a, c]].map(farthest).into_iter().fold(f64::INFINITY, f64::min);
+    if flipped < 0.25 * same { (flipped, false) } else { (same, true) }
+}
+
+/// The larger of two distances; what is no number is infinitely far.
+fn worse(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
+/// Which placed triangles of the input were met, and which more than once.
+struct Seen {
+    /// Bit of each instance's first triangle.
+    first: Vec<u64>,
+    once: Vec<AtomicU64>,
+    again: Vec<AtomicU64>,
+    total: u64,
+}
+
+impl Seen {
+    fn new(scene: &Scene) -> Seen {
+        let mut total = 0;
+        let mut first = Vec::with_capacity(scene.instances.len());
+        for instance in &scene.instances {
+            first.push(total);
+            total += scene.meshes[instance.mesh.0 as usize].triangle_count() as u64;
+        }
+        let bits = || (0..total.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
+        Seen { first, once: bits(), again: bits(), total }
+    }
+
+    /// Marks a triangle as met; tells whether it was before.
+    fn mark(&self, at: TriangleRef) -> bool {
+        let bit = self.first[at.instance as usize] + u64::from(at.triangle);
+        let (word, mask) = ((bit / 64) as usize, 1 << (bit % 64));
+        let repeated = self.once[word].fetch_or(mask, Ordering::Relaxed) & mask != 0;
+        if repeated {
+            self.again[word].fetch_or(mask, Ordering::Relaxed);
+        }
+        repeated
+    }
+
+    fn missing(&self) -> Few {
+        let met: u64 = self.once.iter().map(|w| u64::from(w.load(Ordering::Relaxed).count_ones())).sum();
+        let first = self.once.iter().enumerate().find_map(|(i, w)| lowest_bit(i, !w.load(Ordering::Relaxed)));
+        Few { count: self.total - met, first: first.filter(|&bit| bit < self.total).map(|bit| self.triangle(bit)) }
+    }
+
+    fn first_repeated(&self) -> Option<TriangleRef> {
+        let first = self.again.iter().enumerate().find_map(|(i, w)| lowest_bit(i, w.load(Ordering::Relaxed)));
+        first.map(|bit| self.triangle(bit))
+    }
+
+    fn triangle(&self, bit: u64) -> TriangleRef {
+        let instance = self.first.partition_point(|&first| first <= bit) - 1;
+        TriangleRef { instance: instance as u32, triangle: (bit - self.first[instance]) as u32 }
+    }
+}
+
+/// The index of a word's lowest set bit in a run of words.
+fn lowest_bit(word: usize, bits: u64) -> Option<u64> {
+    (bits != 0).then(|| word as u64 * 64 + u64::from(bits.trailing_zeros()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+    #[test]
+    fn corners_may_be_rotated_but_not_exchanged() {
+        let [a, b, c] = TRIANGLE;
+        assert_eq!(distance(&[b, c, a], &TRIANGLE), (0.0, true));
+        assert_eq!(distance(&[b, a, c], &TRIANGLE), (0.0, false));
+    }
+
+    #[test]
+    fn a_triangle_of_two_equal_corners_has_no_side_to_turn() {
+        let [a, b, _] = TRIANGLE;
+        assert_eq!(distance(&[a, b, a], &[a, a, b]), (0.0, true));
+        assert_eq!(distance(&[b, a, a], &[a, a, b]), (0.0, true));
+    }
+
+    #[test]
+    fn what_is_no_number_is_infinitely_far() {
+        let nan = [DVec3::NAN, DVec3::X, DVec3::Y];
+        assert_eq!(distance(&nan, &TRIANGLE), (f64::INFINITY, true));
+    }
+}

@@ -1,0 +1,402 @@
+//! Whole verifications: sound pairs pass, each planted fault is found by the exact comparison, and by rays alone.
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use proptest::prelude::*;
+use raykiln_formats::contents::{Camera, Provenance, Source};
+
+use super::compare::Comparison;
+use super::cpu::{CpuTracer, Reference, TwoLevel};
+use super::identity::Identity;
+use super::rays::{RayKind, Rays, generate};
+use super::structure::Structure;
+use super::test_scenes::{Style, cube, instance, mesh, random_scene, room, scene};
+use super::{Tracer, Verification, VerifyOptions, structure, verify};
+use crate::scene::{Geometry, Mesh, PlacedCamera, Scene, TriangleRef};
+
+fn options() -> VerifyOptions {
+    VerifyOptions { rays_per_kind: 2048, repeats: 1, ..VerifyOptions::default() }
+}
+
+/// One mesh with all triangles of a scene, one geometry a material, stored in a frame, as a bake writes them.
+fn baked(scene: &Scene, frame: DAffine3) -> Scene {
+    let mut geometries: Vec<Geometry> = Vec::new();
+    let to_frame = frame.inverse();
+    for material in [None, Some(0), Some(1), Some(2), Some(3)] {
+        let mut geometry = Geometry { primitive: geometries.len() as u32, material, ..Geometry::default() };
+        let (mut sources, mut runs) = (Vec::new(), Vec::new());
+        for (i, placing) in scene.instances.iter().enumerate() {
+            let of = &scene.meshes[placing.mesh.0 as usize];
+            for part in of.geometries.iter().filter(|g| g.material == material) {
+                let (node, copy) = (Some(placing.node), placing.copy);
+                sources.push(Source { node, copy, mesh: of.source, primitive: part.primitive });
+                runs.push([sources.len() as u32 - 1, 0, part.triangles.len() as u32]);
+                for t in 0..part.triangles.len() as u32 {
+                    let at = TriangleRef { instance: i as u32, triangle: part.first_triangle + t };
+                    let first = geometry.positions.len() as u32;
+                    geometry.triangles.push([first + 1, first + 2, first]);
+                    let corners = scene.world_corners(at).map(|p| to_frame.transform_point3(p).as_vec3());
+                    geometry.positions.extend(corners);
+                }
+            }
+        }
+        geometry.provenance = Some(Provenance::Runs { sources, runs });
+        if !geometry.triangles.is_empty() {
+            geometries.push(geometry);
+        }
+    }
+    let mut first_triangle = 0;
+    for geometry in &mut geometries {
+        geometry.first_triangle = first_triangle;
+        first_triangle += geometry.triangles.len() as u32;
+    }
+    let group = Mesh { geometries, source: 77, ..Default::default() };
+    let node = scene.nodes as u32;
+    Scene {
+        meshes: vec![group],
+        instances: vec![instance(node, 0, frame)],
+        materials: scene.materials.clone(),
+        nodes: scene.nodes + 1,
+        ..Scene::default()
+    }
+}
+
+fn tilted() -> DAffine3 {
+    DAffine3::from_translation(DVec3::new(1.0, -2.0, 0.5)) * DAffine3::from_axis_angle(DVec3::ONE.normalize(), 0.7)
+}
+
+/// What rays see, with the exact comparison said to be clean.
+fn mismatches_seen(before: &Scene, after: &Scene) -> u64 {
+    let (trees_before, trees_after) = (TwoLevel::build(before), TwoLevel::build(after));
+    let reference = Reference::new(&trees_before);
+    let identity = Identity::new(before, after);
+    let rays = generate(before, &reference, 2048, 1);
+    let comparison = Comparison::new(&identity, &reference, &Structure::default(), rays.radius, &options());
+    let tracers = [CpuTracer::new(&trees_before), CpuTracer::new(&trees_after)];
+    let compare = |(kind, rays): (RayKind, &Vec<_>)| {
+        comparison.compare(kind, rays, &tracers[0].closest(rays), &tracers[1].closest(rays)).mismatches
+    };
+    RayKind::ALL.into_iter().zip(&rays.kinds).map(compare).sum()
+}
+
+fn exactly(before: &Scene, after: &Scene) -> Structure {
+    structure::compare(&Identity::new(before, after), before, after, 1e-6)
+}
+
+fn assert_sound(found: &Verification) {
+    assert!(found.passed(), "{found}");
+    assert_eq!((found.mismatches, found.tracer_faults), (0, 0), "{found:?}");
+}
+
+#[test]
+fn a_scene_shows_what_it_shows() {
+    let found = verify(&room(), &room(), &options());
+    assert_sound(&found);
+    assert_eq!((found.rays, found.silhouettes, found.ties, found.far_hits), (8192, 0, 0, 0));
+    assert_eq!(found.position_error_ratio, 0.0);
+    assert_eq!(found.max_relative_distance_error, found.before_max_relative_distance_error);
+    assert!(found.hits > 4096, "all that start inside and do not end at the light: {} hits", found.hits);
+    assert!(found.max_relative_distance_error < 1e-4, "{}", found.max_relative_distance_error);
+}
+
+#[test]
+fn a_bake_in_world_coordinates_and_one_in_a_frame_show_the_same() {
+    for frame in [DAffine3::IDENTITY, tilted()] {
+        let found = verify(&room(), &baked(&room(), frame), &options());
+        assert_sound(&found);
+        assert!(found.position_error_ratio < 1e-7 && found.position_error_ratio > 0.0);
+        assert_eq!(found.structure.triangles_after, 72);
+    }
+}
+
+#[test]
+fn the_report_has_the_keys_others_rely_on() {
+    let json = serde_json::to_value(verify(&room(), &room(), &options())).expect("serialises");
+    for key in [
+        "device",
+        "rays",
+        "hits",
+        "mismatches",
+        "far_hits",
+        "max_relative_distance_error",
+        "rms_relative_distance_error",
+        "position_error_ratio",
+    ] {
+        assert!(!json[key].is_null(), "{key}");
+    }
+    for kind in ["primary", "shadow", "diffuse", "random"] {
+        for key in ["before_mrays_per_s", "after_mrays_per_s", "speedup_ratio", "spread_ratio"] {
+            assert!(json["kinds"][kind][key].is_f64(), "{kind} {key}");
+        }
+    }
+    assert!(json["device"].as_str().is_some_and(|d| d.starts_with("CPU")));
+}
+
+#[test]
+fn a_moved_vertex_is_caught() {
+    let mut after = room();
+    after.meshes[1].geometries[0].positions[4].x += 0.05;
+    let exact = exactly(&room(), &after);
+    assert!(exact.moved.count > 0 && exact.position_error_ratio > 1e-4);
+    assert!(mismatches_seen(&room(), &after) > 0);
+    assert!(!verify(&room(), &after, &options()).passed());
+}
+
+#[test]
+fn a_lost_triangle_is_caught() {
+    let mut after = baked(&room(), DAffine3::IDENTITY);
+    let geometry = &mut after.meshes[0].geometries[0];
+    geometry.triangles.remove(3);
+    geometry.kept = Some((0..12).filter(|&t| t != 3).collect());
+    for geometry in &mut after.meshes[0].geometries[1..] {
+        geometry.first_triangle -= 1;
+    }
+    let exact = exactly(&room(), &after);
+    assert_eq!((exact.missing.count, exact.triangles_after), (1, 71));
+    assert!(exact.missing.first.as_ref().is_some_and(|f| f.contains("triangle 3 of primitive 0")), "{exact:?}");
+    assert!(mismatches_seen(&room(), &after) > 0);
+}
+
+#[test]
+fn a_wrong_material_is_caught() {
+    let mut after = room();
+    after.meshes[1].geometries[1].material = Some(3);
+    assert_eq!(exactly(&room(), &after).wrong_material.count, 30);
+    assert!(mismatches_seen(&room(), &after) > 0);
+}
+
+#[test]
+fn a_mirrored_instance_is_caught() {
+    let mut after = room();
+    after.instances[2].transform *= DAffine3::from_scale(DVec3::new(1.0, 1.0, -1.0));
+    assert!(!exactly(&room(), &after).is_clean());
+    assert!(mismatches_seen(&room(), &after) > 0);
+}
+
+#[test]
+fn swapped_instance_transforms_are_caught() {
+    let mut after = room();
+    let first = after.instances[1].transform;
+    after.instances[1].transform = std::mem::replace(&mut after.instances[4].transform, first);
+    assert_eq!(exactly(&room(), &after).moved.count, 24);
+    assert!(mismatches_seen(&room(), &after) > 0);
+}
+
+#[test]
+fn a_repeated_triangle_is_caught() {
+    let mut after = baked(&room(), DAffine3::IDENTITY);
+    let geometry = &mut after.meshes[0].geometries[0];
+    let Some(Provenance::Runs { runs, .. }) = &mut geometry.provenance else { unreachable!() };
+    // The first triangle stands in for the second, which is then also missing.
+    runs.splice(0..1, [[0, 0, 1], [0, 0, 1], [0, 2, 10]]);
+    let exact = exactly(&room(), &after);
+    assert_eq!((exact.repeated.count, exact.missing.count, exact.moved.count), (1, 1, 1));
+    assert!(exact.repeated.first.as_ref().is_some_and(|f| f.contains("triangle 0 ")), "{exact:?}");
+    assert!(mismatches_seen(&room(), &after) > 0);
+}
+
+#[test]
+fn a_flipped_triangle_is_caught() {
+    let mut after = room();
+    after.meshes[0].geometries[0].triangles[5].swap(0, 1);
+    let exact = exactly(&room(), &after);
+    assert_eq!((exact.flipped.count, exact.moved.count), (1, 0));
+    assert!(mismatches_seen(&room(), &after) > 0);
+}
+
+#[test]
+fn a_node_that_stands_for_another_is_believed_and_checked() {
+    let mut after = room();
+    for (i, instance) in after.instances.iter_mut().enumerate() {
+        (instance.node, instance.source_node) = (100 + i as u32, i as u32);
+    }
+    assert_sound(&verify(&room(), &after, &options()));
+    after.instances[2].source_node = 3;
+    let exact = exactly(&room(), &after);
+    assert_eq!((exact.missing.count, exact.repeated.count, exact.moved.count), (12, 12, 12));
+}
+
+#[test]
+fn pieces_of_a_shared_mesh_belong_to_the_node_that_places_them() {
+    let before = room();
+    let mut after = room();
+    // The shared mesh becomes two pieces, each placed by a child of the node that placed it.
+    let cubes = after.meshes.remove(1);
+    for (g, mut geometry) in (0..).zip(cubes.geometries) {
+        geometry.provenance = Some(Provenance::Runs {
+            sources: vec![Source { node: None, copy: 0, mesh: 1, primitive: geometry.primitive }],
+            runs: vec![[0, 0, 6]],
+        });
+        (geometry.primitive, geometry.first_triangle) = (0, 0);
+        after.meshes.push(Mesh { source: 10 + g, geometries: vec![geometry], ..Mesh::default() });
+    }
+    after.instances.truncate(1);
+    for placing in &before.instances[1..] {
+        for piece in 0..2 {
+            let mut child = instance(20 + 2 * placing.node + piece, 1 + piece, placing.transform);
+            child.source_node = placing.node;
+            after.instances.push(child);
+        }
+    }
+    let found = verify(&before, &after, &options());
+    assert_sound(&found);
+    assert_eq!(found.structure.triangles_after, 72);
+}
+
+#[test]
+fn a_file_read_twice_stands_for_itself_whatever_it_says_of_earlier_files() {
+    let old = baked(&room(), tilted());
+    assert_sound(&verify(&old, &old.clone(), &options()));
+}
+
+#[test]
+fn nonsense_provenance_is_unknown() {
+    let sources = vec![
+        Source { node: Some(9999), copy: 7, mesh: 1, primitive: 3 },
+        Source { node: Some(0), copy: 0, mesh: 5, primitive: 0 },
+    ];
+    let runs = [vec![[0, 0, 100]], vec![[1, 0, 100]], vec![[9, 0, 100]], vec![[0, u32::MAX, u32::MAX]; 3], vec![]];
+    for runs in runs {
+        let mut after = baked(&room(), DAffine3::IDENTITY);
+        after.meshes[0].geometries[0].provenance = Some(Provenance::Runs { sources: sources.clone(), runs });
+        let exact = exactly(&room(), &after);
+        assert_eq!((exact.unknown.count, exact.missing.count), (12, 12));
+        assert!(!verify(&room(), &after, &options()).passed());
+    }
+    let mut after = room();
+    after.meshes[0].geometries[0].provenance = Some(Provenance::Same { mesh: 4, primitive: 9 });
+    assert_eq!(exactly(&room(), &after).unknown.count, 12);
+}
+
+#[test]
+fn dropped_triangles_keep_the_numbers_of_the_file() {
+    let mut before = room();
+    // Triangle 0 of the walls' primitive was dropped on reading, so that numbers in the file run from 1.
+    before.meshes[0].geometries[0].kept = Some((1..=12).collect());
+    let mut after = baked(&before, DAffine3::IDENTITY);
+    let Some(Provenance::Runs { runs, .. }) = &mut after.meshes[0].geometries[0].provenance else { unreachable!() };
+    runs[0] = [0, 1, 12];
+    assert_sound(&verify(&before, &after, &options()));
+}
+
+#[test]
+fn coincident_triangles_are_ties() {
+    let wall = |material| {
+        let positions = vec![Vec3::new(-5.0, -5.0, 0.0), Vec3::new(5.0, -5.0, 0.0), Vec3::new(0.0, 5.0, 0.0)];
+        mesh(material, vec![(Some(material), positions, vec![[0, 1, 2]])])
+    };
+    let turned = DAffine3::from_axis_angle(DVec3::ONE.normalize(), 0.3);
+    let before = scene(vec![wall(0), wall(1)], &[(0, turned), (1, turned)]);
+    let mut after = before.clone();
+    after.instances.swap(0, 1);
+    let found = verify(&before, &after, &options());
+    assert_sound(&found);
+    assert!(found.ties > 100, "{} ties", found.ties);
+    // The same with the materials exchanged is no tie.
+    after.meshes.swap(0, 1);
+    assert!(!verify(&before, &after, &options()).passed());
+    assert!(mismatches_seen(&before, &after) > 0);
+}
+
+#[test]
+fn degenerate_scenes_verify() {
+    let triangle = |scale: f32| {
+        let positions = vec![Vec3::ZERO, Vec3::X * scale, Vec3::Y * scale];
+        scene(vec![mesh(0, vec![(None, positions, vec![[0, 1, 2]])])], &[(0, DAffine3::IDENTITY)])
+    };
+    for scale in [0.0, 1e-44, 1e-30, 1.0, 1e30] {
+        let found = verify(&triangle(scale), &triangle(scale), &options());
+        assert_sound(&found);
+        assert_eq!(found.rays, 8192);
+        assert!(scale < 1e-40 || found.hits > 300, "{scale}: {} hits", found.hits);
+    }
+    let flat = scene(vec![cube(0, None)], &[(0, DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)))]);
+    assert_sound(&verify(&flat, &flat, &options()));
+    let nothing = verify(&Scene::default(), &Scene::default(), &options());
+    assert!(nothing.passed());
+    assert_eq!((nothing.rays, nothing.kinds.primary.speedup_ratio), (0, 1.0));
+    assert!(!verify(&room(), &Scene::default(), &options()).passed());
+    assert!(!verify(&Scene::default(), &room(), &options()).passed());
+}
+
+fn rays_of(scene: &Scene, count: usize) -> Rays {
+    let trees = TwoLevel::build(scene);
+    generate(scene, &Reference::new(&trees), count, 1)
+}
+
+#[test]
+fn rays_are_sound_and_do_not_depend_on_the_number_of_threads() {
+    let here = rays_of(&room(), 1000);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
+    assert_eq!(pool.install(|| rays_of(&room(), 1000)), here);
+    for rays in &here.kinds {
+        assert_eq!(rays.len(), 1000);
+        for ray in rays {
+            assert!(ray.origin.is_finite() && (ray.direction.length() - 1.0).abs() < 1e-6);
+            assert!(ray.t_min >= 0.0 && ray.t_max > ray.t_min);
+        }
+    }
+    assert_eq!(here.view, "automatic, inside");
+    assert_ne!(rays_of(&room(), 1000).kinds[3], generate_seeded(2).kinds[3]);
+}
+
+fn generate_seeded(seed: u64) -> Rays {
+    let trees = TwoLevel::build(&room());
+    generate(&room(), &Reference::new(&trees), 1000, seed)
+}
+
+#[test]
+fn the_first_camera_of_the_file_is_used_unless_it_sees_nothing() {
+    let camera = Camera::Perspective { yfov: 1.0, aspect_ratio: None };
+    let mut seen = room();
+    seen.cameras = vec![PlacedCamera { name: "eye".into(), camera, transform: DAffine3::IDENTITY }];
+    assert_eq!(rays_of(&seen, 100).view, "camera `eye`");
+    seen.cameras[0].transform = DAffine3::from_translation(DVec3::new(0.0, 0.0, -1e4));
+    assert_eq!(rays_of(&seen, 100).view, "automatic, inside");
+}
+
+#[test]
+fn a_solid_is_seen_from_outside_and_specks_are_aimed_at() {
+    let solid = scene(vec![cube(0, None)], &[(0, DAffine3::IDENTITY)]);
+    assert_eq!(rays_of(&solid, 1000).view, "automatic, outside");
+    let speck = |x: f64| (0, DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)));
+    let specks = scene(vec![cube(0, None)], &[speck(-1e4), speck(1e4)]);
+    let rays = rays_of(&specks, 1000);
+    assert_eq!(rays.view, "random points around the scene");
+    let trees = TwoLevel::build(&specks);
+    let hits = CpuTracer::new(&trees).closest(&rays.kinds[0]);
+    assert!(hits.iter().flatten().count() > 900);
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let after = baked(&room(), tilted());
+    let verified =
+        || Verification { kinds: Default::default(), device: String::new(), ..verify(&room(), &after, &options()) };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
+    assert_eq!(pool.install(verified), verified());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn rounding_is_never_a_mismatch(
+        seed: u64,
+        size in prop_oneof![Just(1.0), Just(1e-3), Just(1e3)],
+        offset in prop_oneof![Just(0.0), Just(10.0)],
+        [on_grid, thin, wild] in any::<[bool; 3]>(),
+        turn in 0.0..3.0f64,
+    ) {
+        let before = random_scene(seed, Style { size, offset, on_grid, thin, wild });
+        let frame = DAffine3 {
+            matrix3: DMat3::from_axis_angle(DVec3::ONE.normalize(), turn),
+            translation: before.bounds().center(),
+        };
+        for after in [before.clone(), baked(&before, DAffine3::IDENTITY), baked(&before, frame)] {
+            let found = verify(&before, &after, &options());
+            prop_assert_eq!(found.mismatches, 0, "{}", found);
+            prop_assert_eq!(found.tracer_faults, 0, "{:?}", found);
+            prop_assert!(found.structure.missing.count == 0 && found.structure.flipped.count == 0, "{}", found);
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! The rules by which a file passes or fails; `docs/verification.md` states them for users.
+//!
+//! A file fails if
+//! - the exact comparison finds a triangle missing, repeated, unknown, of another material, flipped or moved by more
+//!   than the position error allowed, or
+//! - a ray sees something else in it than in the input, and neither rounding nor a tie explains that.
+//!
+//! Rounding explains a difference if the ray passes the edge of the triangle at issue within the slack, the sum of
+//! - [`ROUNDINGS`](super::compare::ROUNDINGS) times half the spacing of 32-bit floats at 1 times the largest numbers
+//!   that meet when the ray is taken into the mesh ([`Magnitude`](super::rounding::Magnitude)), and
+//! - the largest position error found, up to the one allowed (in the output only).
+//!
+//! A hit's distance must be right within what the slack can do to it ([`window`](super::approach::Approach::window)).
+//! A tie is a triangle at the distance of the true hit, within the same bounds.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::VerifyOptions;
+use super::compare::Tally;
+use super::speed::Kinds;
+use super::structure::Structure;
+
+/// What verifying a file found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Verification {
+    /// What traced the rays.
+    pub device: String,
+    /// Where the primary rays came from.
+    pub view: String,
+    /// Rays of all kinds.
+    pub rays: u64,
+    /// Those that hit something in the input.
+    pub hits: u64,
+    /// Rays that see something else than in the input, beyond what rounding explains. Best 0.
+    pub mismatches: u64,
+    /// Rays that pass an edge so closely that rounding decided what they hit, and decided otherwise than before.
+    pub silhouettes: u64,
+    /// Rays that hit another of several triangles in the same place than before.
+    pub ties: u64,
+    /// Rays whose hit lies elsewhere than before by more than 1e-4 of half the scene's diagonal, or is none.
+    pub far_hits: u64,
+    /// Rays on which the tracer itself was wrong: it missed the truth in the input, or in both files alike.
+    pub tracer_faults: u64,
+    /// Largest distance error of the output's hits against the truth, over the distance (or over a thousandth of half
+    /// the scene's diagonal where that is more).
+    pub max_relative_distance_error: f64,
+    /// Root of the mean square of the same.
+    pub rms_relative_distance_error: f64,
+    /// As `max_relative_distance_error`, of the input's hits.
+    pub before_max_relative_distance_error: f64,
+    /// As `rms_relative_distance_error`, of the input's hits.
+    pub before_rms_relative_distance_error: f64,
+    /// Largest distance of a corner from its place over the diagonal of the input's box.
+    pub position_error_ratio: f64,
+    /// Rays a second.
+    pub kinds: Kinds,
+    /// The exact comparison.
+    pub structure: Structure,
+    /// Why the file fails, in words; empty if it passes.
+    pub failures: Vec<String>,
+}
+
+impl Verification {
+    /// Whether the output shows what the input shows.
+    pub fn passed(&self) -> bool {
+        self.failures.is_empty()
+    }
+}
+
+impl fmt::Display for Verification {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if self.passed() {
+            write!(f, "{} triangles and {} rays agree", self.structure.triangles_after, self.rays)
+        } else {
+            f.write_str(&self.failures.join("; "))
+        }
+    }
+}
+
+/// Applies the rules.
+pub fn judge(
+    device: String,
+    view: String,
+    structure: Structure,
+    tally: Tally,
+    kinds: Kinds,
+    options: &VerifyOptions,
+) -> Verification {
+    Verification {
+        device,
+        view,
+        rays: tally.rays,
+        hits: tally.hits,
+        mismatches: tally.mismatches,
+        silhouettes: tally.silhouettes,
+        ties: tally.ties,
+        far_hits: tally.far_hits,
+        tracer_faults: tally.tracer_faults,
+        max_relative_distance_error: tally.after.max,
+        rms_relative_distance_error: tally.after.rms(),
+        before_max_relative_distance_error: tally.before.max,
+        before_rms_relative_distance_error: tally.before.rms(),
+        position_error_ratio: structure.position_error_ratio,
+        kinds,
+        failures: failures(&structure, &tally, options),
+        structure,
+    }
+}
+
+fn failures(structure: &Structure, tally: &Tally, options: &VerifyOptions) -> Vec<String> {
+    let mut failures: Vec<String> = structure
+        .faults()
+        .into_iter()
+        .filter(|(_, fault)| fault.count > 0)
+        .map(|(what, fault)| match (&fault.first, fault.count) {
+            (Some(first), 1) => format!("1 triangle {what}: {first}"),
+            (Some(first), n) => format!("{n} triangles {what}, the first {first}"),
+            (None, n) => format!("{n} triangles {what}"),
+        })
+        .collect();
+    if structure.moved.count > 0 {
+        failures.push(format!(
+            "a corner lies {:.3e} of the scene's diagonal from its place, {:.3e} allowed",
+            structure.position_error_ratio, options.max_position_error_ratio
+        ));
+    }
+    if tally.mismatches > 0 {
+        failures.push(format!(
+            "{} of {} rays see something else: {}",
+            tally.mismatches,
+            tally.rays,
+            tally.examples.join("; ")
+        ));
+    }
+    failures
+}

@@ -1,0 +1,158 @@
+//! Where rays start: the camera and the light.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use crate::scene::{Bounds, Camera, PlacedCamera};
+
+/// Width over height of a view whose camera does not say.
+const ASPECT_RATIO: f64 = 16.0 / 9.0;
+/// Vertical field of view of the automatic camera inside a scene, in radians.
+const FIELD_INSIDE: f64 = 60.0 * std::f64::consts::PI / 180.0;
+/// The same outside.
+const FIELD_OUTSIDE: f64 = 40.0 * std::f64::consts::PI / 180.0;
+
+/// The size of a scene, and whether it surrounds its middle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stage {
+    /// The scene's box.
+    pub bounds: Bounds,
+    /// Its middle.
+    pub center: DVec3,
+    /// Half the box's diagonal; never zero.
+    pub radius: f64,
+    /// Whether the scene is an interior: see [`super::rays::generate`].
+    pub enclosed: bool,
+}
+
+impl Stage {
+    /// The stage of a scene's box, which must not be empty. A scene in one point gets a radius of a thousandth of
+    /// its distance from the origin.
+    pub fn new(bounds: Bounds) -> Stage {
+        let center = bounds.center();
+        let radii = [0.5 * bounds.diagonal(), 1e-3 * center.length(), 1.0];
+        let radius = radii.into_iter().find(|&r| r > 0.0).unwrap_or(1.0);
+        Stage { bounds, center, radius, enclosed: false }
+    }
+
+    /// A point of the area light, for two numbers in [0, 1]: a horizontal square with half the extent of the box's
+    /// shorter horizontal side, in an interior at nine tenths of its height, else half a radius above the box.
+    pub fn light(&self, [x, z]: [f64; 2]) -> DVec3 {
+        let size = self.bounds.size();
+        let side = 0.5 * [size.x.min(size.z), self.radius].into_iter().find(|&s| s > 0.0).unwrap_or(1.0);
+        let y = if self.enclosed { self.bounds.min.y + 0.9 * size.y } else { self.bounds.max.y + 0.5 * self.radius };
+        DVec3::new(self.center.x + side * (x - 0.5), y, self.center.z + side * (z - 0.5))
+    }
+}
+
+/// A camera ready to send out rays.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// What the camera is, in words.
+    pub name: String,
+    transform: DAffine3,
+    projection: Projection,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Projection {
+    /// Half the extents of the picture at distance one.
+    Perspective { half: [f64; 2] },
+    /// Half the extents of the picture.
+    Parallel { half: [f64; 2] },
+}
+
+impl View {
+    /// The view of a camera of the file, unless it shows nothing.
+    pub fn of(camera: &PlacedCamera) -> Option<View> {
+        let projection = match camera.camera {
+            Camera::Perspective { yfov, aspect_ratio } => {
+                let half = (0.5 * yfov).tan();
+                Projection::Perspective { half: [half * aspect_ratio.unwrap_or(ASPECT_RATIO), half] }
+            }
+            Camera::Orthographic { xmag, ymag } => Projection::Parallel { half: [xmag.abs(), ymag.abs()] },
+        };
+        let (Projection::Perspective { half } | Projection::Parallel { half }) = projection;
+        let shows = half.iter().all(|&h| h > 0.0 && h.is_finite()) && camera.transform.matrix3.z_axis != DVec3::ZERO;
+        let name = format!("camera `{}`", camera.name);
+        shows.then_some(View { name, transform: camera.transform, projection })
+    }
+
+    /// A view for scenes without a camera. In an interior from the middle along the longer horizontal side; else
+    /// from outside, in front, above and to the right, so far that the sphere around the scene's box is seen whole.
+    pub fn automatic(stage: &Stage) -> View {
+        let size = stage.bounds.size();
+        let (eye, back, field) = if stage.enclosed {
+            (stage.center, if size.x > size.z { DVec3::X } else { DVec3::Z }, FIELD_INSIDE)
+        } else {
+            let back = DVec3::new(0.5, 0.45, 0.74).normalize();
+            (stage.center + back * (stage.radius / (0.5 * FIELD_OUTSIDE).sin()), back, FIELD_OUTSIDE)
+        };
+        let right = DVec3::Y.cross(back).normalize();
+        let half = (0.5 * field).tan();
+        View {
+            name: if stage.enclosed { "automatic, inside".into() } else { "automatic, outside".into() },
+            transform: DAffine3 { matrix3: DMat3::from_cols(right, back.cross(right), back), translation: eye },
+            projection: Projection::Perspective { half: [half * ASPECT_RATIO, half] },
+        }
+    }
+
+    /// Width over height of the picture.
+    pub fn aspect_ratio(&self) -> f64 {
+        let (Projection::Perspective { half: [x, y] } | Projection::Parallel { half: [x, y] }) = self.projection;
+        x / y
+    }
+
+    /// Origin and direction of the ray through a place of the picture, from -1 to 1 rightward and upward.
+    pub fn ray(&self, [x, y]: [f64; 2]) -> (DVec3, DVec3) {
+        let ahead = DVec3::NEG_Z;
+        let (origin, direction) = match self.projection {
+            Projection::Perspective { half } => (DVec3::ZERO, DVec3::new(x * half[0], y * half[1], -1.0)),
+            Projection::Parallel { half } => (DVec3::new(x * half[0], y * half[1], 0.0), ahead),
+        };
+        (self.transform.transform_point3(origin), self.transform.transform_vector3(direction))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn unit_stage(enclosed: bool) -> Stage {
+        Stage { enclosed, ..Stage::new(Bounds { min: DVec3::ZERO, max: DVec3::new(1.0, 1.0, 2.0) }) }
+    }
+
+    #[test]
+    fn a_scene_in_one_point_has_a_radius() {
+        let point = |p: DVec3| Stage::new(Bounds { min: p, max: p }).radius;
+        assert_eq!(point(DVec3::ZERO), 1.0);
+        assert_eq!(point(DVec3::X * 1000.0), 1.0);
+    }
+
+    #[test]
+    fn the_outside_view_looks_at_the_middle_from_beyond_the_sphere() {
+        let stage = unit_stage(false);
+        let (origin, direction) = View::automatic(&stage).ray([0.0, 0.0]);
+        let to_middle = stage.center - origin;
+        assert!(to_middle.length() > stage.radius);
+        assert!(direction.normalize().distance(to_middle.normalize()) < 1e-12);
+    }
+
+    #[test]
+    fn the_inside_view_stands_in_the_middle_and_is_upright() {
+        let view = View::automatic(&unit_stage(true));
+        assert_eq!(view.ray([0.0, 0.0]), (DVec3::new(0.5, 0.5, 1.0), DVec3::NEG_Z));
+        assert!(view.ray([0.0, 1.0]).1.y > 0.0 && view.ray([1.0, 0.0]).1.x > 0.0);
+    }
+
+    #[test]
+    fn cameras_that_show_nothing_are_no_views() {
+        let camera = |camera, transform| View::of(&PlacedCamera { name: String::new(), camera, transform });
+        let parallel = Camera::Orthographic { xmag: 2.0, ymag: -1.0 };
+        let view = camera(parallel, DAffine3::IDENTITY).expect("shows something");
+        assert_eq!(view.ray([0.5, 1.0]), (DVec3::new(1.0, 1.0, 0.0), DVec3::NEG_Z));
+        assert!(camera(Camera::Orthographic { xmag: 0.0, ymag: 1.0 }, DAffine3::IDENTITY).is_none());
+        assert!(camera(parallel, DAffine3::from_scale(DVec3::ZERO)).is_none());
+        let wide = Camera::Perspective { yfov: f64::NAN, aspect_ratio: None };
+        assert!(camera(wide, DAffine3::IDENTITY).is_none());
+    }
+}

@@ -1,0 +1,188 @@
+//! The command line: what goes to which stream, which files are written, which status is returned.
+
+use crate::common::{METHODS, folder_names, raykiln, samples};
+use serde_json::Value;
+use std::fs;
+use std::path::PathBuf;
+use tempfile::TempDir;
+
+fn sample(name: &str) -> PathBuf {
+    samples().into_iter().find(|s| s.name == name).expect("the sample is there").scene
+}
+
+/// Bakes the overlapping heaps into a new folder, with further arguments.
+fn bake_heaps(more: &[&str]) -> (crate::common::Ran, TempDir) {
+    let folder = TempDir::new().unwrap();
+    let (input, output) = (sample("overlapping"), folder.path().join("out.glb"));
+    let fixed = ["bake", input.to_str().unwrap(), "-o", output.to_str().unwrap(), "--rays", "500", "--repeats", "1"];
+    let ran = raykiln(fixed.iter().chain(more));
+    (ran, folder)
+}
+
+#[test]
+fn help_names_every_command_method_and_option() {
+    let ran = raykiln(["--help"]);
+    assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
+    for command in ["bake", "inspect", "completions", "man"] {
+        assert!(ran.stdout.contains(command), "{command}");
+    }
+    let ran = raykiln(["bake", "--help"]);
+    assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
+    let options =
+        ["--output", "--method", "--device", "--report", "--json", "--keep", "--strict", "--threads", "--quiet"];
+    for word in options.iter().chain(&METHODS).chain(&["auto", "--skip-overlap-ratio", "--split-or-merge-ratio"]) {
+        assert!(ran.stdout.contains(word), "{word}");
+    }
+}
+
+#[test]
+fn version_is_that_of_the_package() {
+    assert_eq!(raykiln(["--version"]).stdout, format!("raykiln {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn bad_usage_ends_with_status_2() {
+    for arguments in [
+        &[][..],
+        &["grill"],
+        &["bake"],
+        &["bake", "in.glb"],
+        &["bake", "in.glb", "-o", "out.glb", "--method", "magic"],
+        &["bake", "in.glb", "-o", "out.glb", "--skip-overlap-ratio", "much"],
+        &["bake", "in.glb", "-o", "out.glb", "--skip-overlap-ratio", "-1"],
+        &["bake", "in.glb", "-o", "out.glb", "--threads", "0"],
+        &["bake", "in.glb", "-o", "out.glb", "--keep", "["],
+    ] {
+        let ran = raykiln(arguments);
+        assert_eq!(ran.status, 2, "{arguments:?}: {}", ran.stderr);
+        assert_eq!(ran.stdout, "", "{arguments:?}");
+        assert!(!ran.stderr.is_empty(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn text_for_people_goes_to_stderr() {
+    let (ran, folder) = bake_heaps(&["--method", "overlap"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    assert_eq!(ran.stdout, "");
+    for word in ["before", "after", "overlap", "instances", "triangles"] {
+        assert!(ran.stderr.contains(word), "{word} is missing in:\n{}", ran.stderr);
+    }
+    assert!(!ran.stderr.contains('\u{1b}'), "no colours or progress bars where stderr is no terminal");
+    assert_eq!(folder_names(folder.path()), ["out.glb"]);
+}
+
+#[test]
+fn quiet_prints_nothing() {
+    let (ran, _folder) = bake_heaps(&["--quiet"]);
+    assert_eq!((ran.status, ran.stdout.as_str(), ran.stderr.as_str()), (0, "", ""));
+}
+
+#[test]
+fn the_json_report_has_the_promised_keys() {
+    let (ran, _folder) = bake_heaps(&["--json", "--method", "overlap"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let report = ran.json();
+    assert_eq!(report["schema"], "raykiln.report/1");
+    assert_eq!(report["raykiln_version"], env!("CARGO_PKG_VERSION"));
+    assert_keys(&report, "input", "path triangles vertices objects materials nodes instances pinned_instances");
+    for side in ["before", "after"] {
+        let metrics = "mesh_groups geometries instances triangles_stored triangles_placed overlap_ratio sah_cost \
+                       two_level_cost boxes_per_point_mean";
+        assert_keys(&report, side, metrics);
+    }
+    assert_keys(&report, "method", "requested chosen reason candidates");
+    let candidate = "name predicted_cost measured_mrays_per_s as_bytes position_error_ratio seconds";
+    assert_keys(&report["method"]["candidates"], "0", candidate);
+    assert_keys(&report["passes"], "0", "name applied reason seconds");
+    let verify = "device rays hits mismatches far_hits max_relative_distance_error rms_relative_distance_error \
+                  position_error_ratio kinds";
+    assert_keys(&report, "verify", verify);
+    for kind in ["primary", "shadow", "diffuse", "random"] {
+        let rates = "before_mrays_per_s after_mrays_per_s speedup_ratio spread_ratio";
+        assert_keys(&report["verify"]["kinds"], kind, rates);
+    }
+    assert_keys(&report, "seconds", "read analyse optimise write verify total");
+    assert_eq!(report["method"]["chosen"], "overlap");
+}
+
+/// Asserts that the object at `at` has each of the keys.
+fn assert_keys(parent: &Value, at: &str, keys: &str) {
+    let object = at.parse::<usize>().map_or(&parent[at], |index| &parent[index]);
+    for key in keys.split_whitespace() {
+        assert!(object.get(key).is_some(), "{at}.{key} is missing in {object}");
+    }
+}
+
+#[test]
+fn reports_are_written_to_every_file_named() {
+    let reports = TempDir::new().unwrap();
+    let files = ["a.json", "b.json"].map(|name| reports.path().join(name));
+    let [a, b] = files.each_ref().map(|file| file.to_str().unwrap());
+    let (ran, _folder) = bake_heaps(&["--json", "--report", a, "--report", b]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    for file in &files {
+        assert_eq!(fs::read_to_string(file).unwrap(), ran.stdout);
+    }
+}
+
+#[test]
+fn inspect_prints_text_or_json() {
+    let scene = sample("overlapping");
+    let text = raykiln(["inspect", scene.to_str().unwrap()]);
+    assert_eq!((text.status, text.stderr.as_str()), (0, ""));
+    assert!(text.stdout.contains("crate 0.0"), "the worst pairs are named:\n{}", text.stdout);
+    let json = raykiln(["inspect", scene.to_str().unwrap(), "--json"]).json();
+    assert_eq!(json["input"]["triangles"], 144);
+    assert_eq!(json["before"]["instances"], 12);
+    let pairs = json["worst_pairs"].as_array().expect("pairs");
+    assert_eq!(pairs.len(), 10, "ten pairs of twelve that overlap");
+    let ratios: Vec<f64> = pairs.iter().map(|p| p["overlap_ratio"].as_f64().unwrap()).collect();
+    assert!(ratios.is_sorted_by(|a, b| a >= b), "worst first: {ratios:?}");
+    assert!((ratios[0] - 21.66 / 1181.04).abs() < 1e-6, "{ratios:?}");
+}
+
+#[test]
+fn kept_names_are_pinned() {
+    let (ran, _folder) = bake_heaps(&["--json", "--method", "single", "--keep", "crate 0.*", "--keep", "crate 1.0"]);
+    let report = ran.json();
+    assert_eq!(report["input"]["pinned_instances"], 4);
+    assert_eq!(report["after"]["mesh_groups"], 5);
+}
+
+#[test]
+fn auto_gives_its_reason_and_never_does_worse_than_the_input() {
+    for sample in samples() {
+        let folder = TempDir::new().unwrap();
+        let report = crate::common::bake(&sample.scene, &folder.path().join("out.glb"), &[]);
+        assert_eq!(report["method"]["requested"], "auto");
+        assert!(!report["method"]["reason"].as_str().unwrap().is_empty());
+        let cost = |side: &str| report[side]["two_level_cost"].as_f64().unwrap();
+        assert!(cost("after") <= cost("before"), "{}: {} after {}", sample.name, cost("after"), cost("before"));
+    }
+}
+
+#[test]
+fn an_existing_output_is_replaced_whole() {
+    let (ran, folder) = bake_heaps(&["--method", "overlap"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let output = folder.path().join("out.glb");
+    let first = fs::read(&output).unwrap();
+    fs::write(&output, vec![0; 10 * first.len()]).unwrap();
+    let input = sample("overlapping");
+    crate::common::bake(&input, &output, &["--method", "overlap"]);
+    assert_eq!(fs::read(&output).unwrap(), first);
+    assert_eq!(folder_names(folder.path()), ["out.glb"]);
+}
+
+#[test]
+fn completions_and_the_manual_page_are_printed() {
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let ran = raykiln(["completions", shell]);
+        assert_eq!(ran.status, 0, "{}", ran.stderr);
+        assert!(ran.stdout.contains("raykiln") && ran.stdout.contains("inspect"), "{shell}");
+    }
+    let page = raykiln(["man"]);
+    assert_eq!(page.status, 0, "{}", page.stderr);
+    assert!(page.stdout.starts_with(".ie") && page.stdout.contains(".TH raykiln 1"), "{}", page.stdout);
+}

@@ -1,0 +1,11 @@
+//! What several themes need: running the program, samples, inline files, and an independent reading of glTF.
+
+mod expect;
+mod files;
+mod program;
+mod surface;
+
+pub(crate) use expect::{Bake, Number, Sample, samples};
+pub(crate) use files::{folder_names, glb, gltf, triangle, write};
+pub(crate) use program::{METHODS, Ran, bake, raykiln};
+pub(crate) use surface::{Surface, json_of};

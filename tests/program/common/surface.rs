@@ -1,0 +1,246 @@
+//! An independent reading of glTF: which triangles a file shows, and from which input triangle each was made, by the
+//! provenance it carries. It shares nothing with the program but the reading of JSON and buffers.
+
+use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3};
+use raykiln_formats::Document;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Where a triangle comes from: node, copy, mesh, primitive, triangle.
+type Origin = [u64; 5];
+
+/// A corner in world coordinates.
+#[derive(Clone, Copy)]
+struct Corner {
+    position: DVec3,
+    normal: DVec3,
+    texcoord: DVec2,
+}
+
+/// A placed triangle.
+struct Placed {
+    material: Option<u64>,
+    corners: [Corner; 3],
+}
+
+/// Everything the default scene of a file shows, by origin.
+pub(crate) struct Surface {
+    triangles: BTreeMap<Origin, Placed>,
+}
+
+/// The JSON tree of a glTF or GLB file.
+pub(crate) fn json_of(path: &Path) -> Value {
+    raykiln_formats::read(path).unwrap_or_else(|e| panic!("{e}")).json
+}
+
+impl Surface {
+    /// Reads a file that is no bake's output: every triangle is its own origin.
+    pub(crate) fn of_input(path: &Path) -> Surface {
+        Surface::read(path, false)
+    }
+
+    /// Reads a bake's output; panics where a primitive does not say where its triangles come from, or two triangles
+    /// claim the same origin.
+    pub(crate) fn of_output(path: &Path) -> Surface {
+        Surface::read(path, true)
+    }
+
+    fn read(path: &Path, baked: bool) -> Surface {
+        let document = raykiln_formats::read(path).unwrap_or_else(|e| panic!("{e}"));
+        let file = File(&document);
+        let mut triangles = BTreeMap::new();
+        for (node, transform) in file.placed_nodes() {
+            let Some(mesh) = file.json("nodes", node)["mesh"].as_u64() else { continue };
+            for (copy, at) in file.copies(node, transform).into_iter().enumerate() {
+                for primitive in 0..file.json("meshes", mesh)["primitives"].as_array().expect("an array").len() {
+                    let part = Part { node, copy: copy as u64, mesh, primitive: primitive as u64 };
+                    for (origin, placed) in file.placed(&part, at, baked) {
+                        assert!(triangles.insert(origin, placed).is_none(), "{origin:?} is shown twice");
+                    }
+                }
+            }
+        }
+        Surface { triangles }
+    }
+
+    /// Asserts that `after` shows the same triangles: each input triangle once, with its material, corners, winding,
+    /// normals and texture coordinates.
+    pub(crate) fn assert_shown_by(&self, after: &Surface) {
+        assert!(self.triangles.keys().eq(after.triangles.keys()), "input triangles are missing, or others are added");
+        let scale = self.triangles.values().flat_map(|t| &t.corners).map(|c| c.position.abs().max_element());
+        let tolerance = 1e-6 * scale.fold(1e-30, f64::max);
+        for (origin, before) in &self.triangles {
+            let now = &after.triangles[origin];
+            assert_eq!(before.material, now.material, "material of {origin:?}");
+            let turned = |by: usize| (0..3).all(|i| before.corners[i].is_near(&now.corners[(i + by) % 3], tolerance));
+            assert!((0..3).any(turned), "corners of {origin:?}");
+        }
+    }
+
+    /// The area of all triangles of a material.
+    pub(crate) fn area(&self, material: usize) -> f64 {
+        let of = self.triangles.values().filter(|t| t.material == Some(material as u64));
+        let doubled = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        of.map(|t| 0.5 * doubled(t.corners.map(|c| c.position))).sum()
+    }
+}
+
+impl Corner {
+    fn is_near(&self, other: &Corner, tolerance: f64) -> bool {
+        self.position.distance(other.position) <= tolerance
+            && self.normal.distance(other.normal) < 1e-5
+            && self.texcoord.distance(other.texcoord) < 1e-6
+    }
+}
+
+#[derive(Debug)]
+struct Part {
+    node: u64,
+    copy: u64,
+    mesh: u64,
+    primitive: u64,
+}
+
+struct File<'a>(&'a Document);
+
+impl File<'_> {
+    fn json(&self, array: &str, index: u64) -> &Value {
+        &self.0.json[array][index as usize]
+    }
+
+    /// The nodes of the default scene with their transforms into the world.
+    fn placed_nodes(&self) -> Vec<(u64, DAffine3)> {
+        let roots = &self.json("scenes", self.0.json["scene"].as_u64().unwrap_or(0))["nodes"];
+        let mut stack: Vec<(u64, DAffine3)> = numbers(roots).map(|n| (n as u64, DAffine3::IDENTITY)).collect();
+        let mut placed = Vec::new();
+        while let Some((node, parent)) = stack.pop() {
+            let world = parent * local(self.json("nodes", node));
+            stack.extend(numbers(&self.json("nodes", node)["children"]).map(|n| (n as u64, world)));
+            placed.push((node, world));
+        }
+        placed
+    }
+
+    /// The transforms of the copies a node places; of `EXT_mesh_gpu_instancing` only translations are read.
+    fn copies(&self, node: u64, world: DAffine3) -> Vec<DAffine3> {
+        let attributes = &self.json("nodes", node)["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
+        match attributes.as_object() {
+            None => vec![world],
+            Some(attributes) => {
+                assert_eq!(attributes.keys().collect::<Vec<_>>(), ["TRANSLATION"]);
+                let moves = self.elements(attributes["TRANSLATION"].as_u64().expect("an accessor"));
+                moves.iter().map(|m| world * DAffine3::from_translation(DVec3::from_slice(m))).collect()
+            }
+        }
+    }
+
+    /// The triangles of a primitive with their origins.
+    fn placed(&self, part: &Part, at: DAffine3, baked: bool) -> Vec<(Origin, Placed)> {
+        let primitive = &self.json("meshes", part.mesh)["primitives"][part.primitive as usize];
+        let material = primitive["material"].as_u64();
+        let triangles = self.triangles(primitive, at);
+        let own = (0..).map(|triangle| [part.node, part.copy, part.mesh, part.primitive, triangle]);
+        let origins: Vec<Origin> = match baked {
+            false => own.take(triangles.len()).collect(),
+            true => self.origins(part, primitive, triangles.len()),
+        };
+        assert_eq!(origins.len(), triangles.len(), "the provenance of {part:?} has another number of triangles");
+        origins.into_iter().zip(triangles).map(|(o, corners)| (o, Placed { material, corners })).collect()
+    }
+
+    fn triangles(&self, primitive: &Value, at: DAffine3) -> Vec<[Corner; 3]> {
+        assert_eq!(primitive["mode"].as_u64().unwrap_or(4), 4, "only plain triangles are read");
+        let read = |name: &str| Some(self.elements(primitive["attributes"][name].as_u64()?));
+        let positions = read("POSITION").expect("positions");
+        let (normals, texcoords) = (read("NORMAL"), read("TEXCOORD_0"));
+        let to_normal = at.matrix3.inverse().transpose();
+        let corner = |v: usize| Corner {
+            position: at.transform_point3(DVec3::from_slice(&positions[v])),
+            normal: normals.as_ref().map_or(DVec3::ZERO, |n| (to_normal * DVec3::from_slice(&n[v])).normalize()),
+            texcoord: texcoords.as_ref().map_or(DVec2::ZERO, |t| DVec2::from_slice(&t[v])),
+        };
+        let indices: Vec<usize> = match primitive["indices"].as_u64() {
+            Some(accessor) => self.elements(accessor).iter().map(|i| i[0] as usize).collect(),
+            None => (0..positions.len()).collect(),
+        };
+        let mirrored = at.matrix3.determinant() < 0.0;
+        let wound = |[a, b, c]: [usize; 3]| if mirrored { [a, c, b] } else { [a, b, c] };
+        indices.as_chunks().0.iter().map(|&t| wound(t).map(corner)).collect()
+    }
+
+    /// The origins that `extras.raykiln` of a primitive names.
+    fn origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
+        let node = self.json("nodes", part.node)["extras"]["raykiln"]["source"]["node"].as_u64().unwrap_or(part.node);
+        let record = &primitive["extras"]["raykiln"];
+        let number = |value: &Value| value.as_u64().expect("a number");
+        if let Some(source) = record["source"].as_object() {
+            let (mesh, primitive) = (number(&source["mesh"]), number(&source["primitive"]));
+            return (0..triangles as u64).map(|t| [node, part.copy, mesh, primitive, t]).collect();
+        }
+        let provenance = record["provenance"].as_object().unwrap_or_else(|| panic!("{part:?} has no provenance"));
+        let runs = self.elements(number(&provenance["runs"])).concat();
+        let run_origins = |run: &[f64]| -> Vec<Origin> {
+            let source = &provenance["sources"][run[0] as usize];
+            let [mesh, primitive] = [2, 3].map(|i| number(&source[i]));
+            let (node, copy) = source[0].as_u64().map_or((node, part.copy), |n| (n, number(&source[1])));
+            let (first, count) = (run[1] as u64, run[2] as u64);
+            (first..first + count).map(|t| [node, copy, mesh, primitive, t]).collect()
+        };
+        runs.chunks(3).flat_map(run_origins).collect()
+    }
+
+    /// The elements of an accessor of floats or unsigned integers.
+    fn elements(&self, accessor: u64) -> Vec<Vec<f64>> {
+        let accessor = self.json("accessors", accessor);
+        let view = self.json("bufferViews", accessor["bufferView"].as_u64().expect("a buffer view"));
+        let number = |value: &Value| value.as_u64().unwrap_or(0) as usize;
+        let components = match accessor["type"].as_str() {
+            Some("SCALAR") => 1,
+            Some("VEC2") => 2,
+            Some("VEC3") => 3,
+            other => panic!("no accessor of type {other:?} is read"),
+        };
+        let kind = number(&accessor["componentType"]);
+        let size = match kind {
+            5121 => 1,
+            5123 => 2,
+            _ => 4,
+        };
+        let stride = view["byteStride"].as_u64().map_or(size * components, |s| s as usize);
+        let bytes =
+            &self.0.buffers[number(&view["buffer"])][number(&view["byteOffset"]) + number(&accessor["byteOffset"])..];
+        let component = |at: usize| component(kind, &bytes[at..at + size]);
+        let element = |i: usize| (0..components).map(|c| component(i * stride + c * size)).collect();
+        (0..number(&accessor["count"])).map(element).collect()
+    }
+}
+
+fn component(kind: usize, bytes: &[u8]) -> f64 {
+    match (kind, bytes) {
+        (5121, &[a]) => f64::from(a),
+        (5123, &[a, b]) => f64::from(u16::from_le_bytes([a, b])),
+        (5125, &[a, b, c, d]) => f64::from(u32::from_le_bytes([a, b, c, d])),
+        (5126, &[a, b, c, d]) => f64::from(f32::from_le_bytes([a, b, c, d])),
+        _ => panic!("no component of type {kind} is read"),
+    }
+}
+
+fn numbers(value: &Value) -> impl Iterator<Item = f64> {
+    value.as_array().into_iter().flatten().map(|n| n.as_f64().expect("a number"))
+}
+
+fn local(node: &Value) -> DAffine3 {
+    if node["matrix"].is_array() {
+        let m: Vec<f64> = numbers(&node["matrix"]).collect();
+        return DAffine3::from_mat4(DMat4::from_cols_slice(&m));
+    }
+    let or = |property: &str, default: &[f64]| -> Vec<f64> {
+        if node[property].is_array() { numbers(&node[property]).collect() } else { default.to_vec() }
+    };
+    DAffine3::from_scale_rotation_translation(
+        DVec3::from_slice(&or("scale", &[1.0; 3])),
+        DQuat::from_slice(&or("rotation", &[0.0, 0.0, 0.0, 1.0])),
+        DVec3::from_slice(&or("translation", &[0.0; 3])),
+    )
+}

@@ -1,0 +1,34 @@
+//! The same input gives the same bytes, whatever the number of threads.
+
+use crate::common::{METHODS, bake, samples};
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// Every byte of the output files of a bake, by file name.
+fn output(scene: &Path, method: &str, name: &str, threads: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = TempDir::new().expect("a temporary folder");
+    bake(scene, &folder.path().join(name), &["--method", method, "--threads", threads]);
+    let names = crate::common::folder_names(folder.path());
+    names.into_iter().map(|n| (n.clone(), fs::read(folder.path().join(n)).expect("readable"))).collect()
+}
+
+#[test]
+fn bytes_are_equal_for_any_number_of_threads_and_in_every_run() {
+    for sample in samples() {
+        for method in METHODS {
+            let one = output(&sample.scene, method, "out.glb", "1");
+            for threads in ["1", "2", "5"] {
+                assert!(one == output(&sample.scene, method, "out.glb", threads), "{} {method} {threads}", sample.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn bytes_of_separate_buffers_are_equal_too() {
+    for sample in samples() {
+        let [one, two] = ["1", "2"].map(|threads| output(&sample.scene, "overlap", "out.gltf", threads));
+        assert!(one == two, "{}", sample.name);
+    }
+}

@@ -1,0 +1,11 @@
+//! Whole-program tests: the built binary on files. One file a theme, one binary for all, so that it links once.
+
+mod common;
+
+mod bad_input;
+mod cli;
+mod determinism;
+mod mutations;
+mod roundtrip;
+mod samples;
+mod validator;
