@@ -48,4 +48,6 @@ layout(push_constant, std430) uniform Work {
     uint first;
     // Ray flags of every ray.
     uint ray_flags;
+    // Units of the structures a unit of the rays: a power of two.
+    float scale;
 } work;

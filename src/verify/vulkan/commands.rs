@@ -32,7 +32,9 @@ impl Queue {
         };
         match made {
             // SAFETY: the device was created with one queue of the family.
-            Ok((buffer, done)) => Ok(Queue { queue: unsafe { device.get_device_queue(family, 0) }, pool, buffer, done }),
+            Ok((buffer, done)) => {
+                Ok(Queue { queue: unsafe { device.get_device_queue(family, 0) }, pool, buffer, done })
+            }
             Err(e) => {
                 // SAFETY: the pool takes its command buffer along.
                 unsafe { device.destroy_command_pool(pool, None) };
@@ -56,8 +58,7 @@ impl Device {
     /// Records work, has the device do it, and waits for it to be done, however long that takes.
     pub(super) fn submit(&self, what: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<(), Error> {
         let queue: MutexGuard<'_, Queue> = self.queue.lock().unwrap_or_else(|e| e.into_inner());
-        let begin =
-            vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let buffers = [queue.buffer];
         let submission = vk::SubmitInfo::default().command_buffers(&buffers);
         // SAFETY: the lock keeps command buffer, queue and fence to this call, and the wait at its end keeps the
@@ -82,15 +83,7 @@ impl Device {
         let stage = vk::PipelineStageFlags::ALL_COMMANDS;
         // SAFETY: the command buffer is being recorded.
         unsafe {
-            self.handle.cmd_pipeline_barrier(
-                commands,
-                stage,
-                stage,
-                vk::DependencyFlags::empty(),
-                &[all],
-                &[],
-                &[],
-            );
+            self.handle.cmd_pipeline_barrier(commands, stage, stage, vk::DependencyFlags::empty(), &[all], &[], &[]);
         }
     }
 

@@ -137,8 +137,7 @@ fn create(
 ) -> Result<ash::Device, Error> {
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family.index).queue_priorities(&[1.0])];
     let extensions = NEEDED.map(|e| e.as_ptr());
-    let mut structures =
-        vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
+    let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
     let mut pipelines = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
     let mut addresses = vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
     let info = vk::DeviceCreateInfo::default()

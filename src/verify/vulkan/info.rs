@@ -139,10 +139,8 @@ fn version(v: u32) -> String {
 fn heaps(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec<Heap> {
     // SAFETY: see `describe`.
     let memory = unsafe { instance.get_physical_device_memory_properties(device) };
-    let heap = |h: &vk::MemoryHeap| Heap {
-        bytes: h.size,
-        on_device: h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL),
-    };
+    let heap =
+        |h: &vk::MemoryHeap| Heap { bytes: h.size, on_device: h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL) };
     memory.memory_heaps_as_slice().iter().map(heap).collect()
 }
 
@@ -191,9 +189,8 @@ fn missing_features(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec
 pub(super) fn queue_family(instance: &ash::Instance, device: vk::PhysicalDevice) -> Option<QueueFamily> {
     // SAFETY: see `describe`.
     let families = unsafe { instance.get_physical_device_queue_family_properties(device) };
-    let usable = |f: &vk::QueueFamilyProperties| {
-        f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.timestamp_valid_bits > 0
-    };
+    let usable =
+        |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.timestamp_valid_bits > 0;
     let index = families.iter().position(usable)?;
     Some(QueueFamily { index: index as u32, timestamp_bits: families[index].timestamp_valid_bits })
 }

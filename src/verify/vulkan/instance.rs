@@ -116,9 +116,7 @@ fn require_layer(entry: &ash::Entry) -> Result<(), Error> {
 }
 
 fn create(entry: &ash::Entry, options: Options) -> Result<ash::Instance, Error> {
-    let application = vk::ApplicationInfo::default()
-        .application_name(c"raykiln")
-        .api_version(vk::API_VERSION_1_2);
+    let application = vk::ApplicationInfo::default().application_name(c"raykiln").api_version(vk::API_VERSION_1_2);
     let layers = if options.validation { vec![VALIDATION_LAYER.as_ptr()] } else { Vec::new() };
     let extensions = if options.validation { vec![ext::debug_utils::NAME.as_ptr()] } else { Vec::new() };
     let info = vk::InstanceCreateInfo::default()

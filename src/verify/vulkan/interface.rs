@@ -34,16 +34,15 @@ pub(super) struct Work {
     pub(super) results: u64,
     pub(super) first: u32,
     pub(super) ray_flags: u32,
+    /// Units on the device a unit of the rays: a power of two.
+    pub(super) scale: f32,
+    /// Nothing may be left undefined.
+    pub(super) padding: u32,
 }
 
 impl From<&rays::Ray> for Ray {
     fn from(ray: &rays::Ray) -> Ray {
-        Ray {
-            origin: ray.origin.to_array(),
-            t_min: ray.t_min,
-            direction: ray.direction.to_array(),
-            t_max: ray.t_max,
-        }
+        Ray { origin: ray.origin.to_array(), t_min: ray.t_min, direction: ray.direction.to_array(), t_max: ray.t_max }
     }
 }
 

@@ -86,14 +86,8 @@ impl<'d> Buffer<'d> {
         // SAFETY: the usages need no more than the extensions enabled.
         let handle = unsafe { device.handle.create_buffer(&info, None) }.map_err(failed)?;
         // Freed by `Drop` from here on, whatever fails.
-        let mut buffer = Buffer {
-            device,
-            handle,
-            memory: vk::DeviceMemory::null(),
-            size,
-            address: 0,
-            mapped: std::ptr::null_mut(),
-        };
+        let mut buffer =
+            Buffer { device, handle, memory: vk::DeviceMemory::null(), size, address: 0, mapped: std::ptr::null_mut() };
         buffer.allocate(purpose).map_err(failed)?;
         if purpose.usage().contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS) {
             let info = vk::BufferDeviceAddressInfo::default().buffer(handle);

@@ -55,12 +55,11 @@ const WORK_STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::RAYGEN_KHR;
 impl<'d> Pipeline<'d> {
     pub(super) fn new(device: &'d Device, shaders: &Shaders) -> Result<Pipeline<'d>, Error> {
         let what = format!("making the pipeline `{}`", shaders.name);
-        let work =
-            [vk::PushConstantRange::default().stage_flags(WORK_STAGES).size(size_of::<Work>() as u32)];
+        let work = [vk::PushConstantRange::default().stage_flags(WORK_STAGES).size(size_of::<Work>() as u32)];
         let info = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(&work);
         // SAFETY: the range is far smaller than any device's limit.
-        let layout = unsafe { device.handle.create_pipeline_layout(&info, None) }
-            .map_err(|e| Error::call(&what, 0, e))?;
+        let layout =
+            unsafe { device.handle.create_pipeline_layout(&info, None) }.map_err(|e| Error::call(&what, 0, e))?;
         // Freed by `Drop` from here on, whatever fails.
         let mut pipeline = Pipeline { device, layout, handle: vk::Pipeline::null(), table: None };
         pipeline.handle = create(device, shaders, layout, &what)?;
@@ -114,12 +113,7 @@ impl Drop for Modules<'_> {
     }
 }
 
-fn create(
-    device: &Device,
-    shaders: &Shaders,
-    layout: vk::PipelineLayout,
-    what: &str,
-) -> Result<vk::Pipeline, Error> {
+fn create(device: &Device, shaders: &Shaders, layout: vk::PipelineLayout, what: &str) -> Result<vk::Pipeline, Error> {
     use vk::ShaderStageFlags as Stage;
     let failed = |e| Error::call(what, 0, e);
     let mut modules = Modules { device, handles: Vec::new() };
@@ -173,10 +167,9 @@ impl<'d> Table<'d> {
         let (handle, alignment) = (limits.handle_size, limits.table_alignment.max(1));
         let record = handle.next_multiple_of(alignment);
         // SAFETY: the pipeline has three groups.
-        let handles = unsafe {
-            device.pipelines.get_ray_tracing_shader_group_handles(pipeline, 0, 3, 3 * handle as usize)
-        }
-        .map_err(|e| Error::call(what, 0, e))?;
+        let handles =
+            unsafe { device.pipelines.get_ray_tracing_shader_group_handles(pipeline, 0, 3, 3 * handle as usize) }
+                .map_err(|e| Error::call(what, 0, e))?;
         let buffer = Buffer::new(device, "a table of shaders", 3 * record + alignment, Purpose::ShaderTable)?;
         let start = buffer.address.next_multiple_of(alignment);
         let mut uploader = Uploader::new(device, 3 * handle)?;
@@ -185,11 +178,8 @@ impl<'d> Table<'d> {
         }
         uploader.flush()?;
         drop(uploader);
-        let region = |i| vk::StridedDeviceAddressRegionKHR {
-            device_address: start + i * record,
-            stride: record,
-            size: record,
-        };
+        let region =
+            |i| vk::StridedDeviceAddressRegionKHR { device_address: start + i * record, stride: record, size: record };
         Ok(Table { regions: [region(0), region(1), region(2)], _buffer: buffer })
     }
 }

@@ -120,11 +120,7 @@ impl<'d> VulkanTracer<'d> {
     ///
     /// # Errors
     /// [`Error::Limit`] before anything is built, [`Error::OutOfMemory`], or another failure of the driver.
-    pub fn new(
-        pipelines: &'d Pipelines<'d>,
-        scene: &Scene,
-        options: BuildOptions,
-    ) -> Result<VulkanTracer<'d>, Error> {
+    pub fn new(pipelines: &'d Pipelines<'d>, scene: &Scene, options: BuildOptions) -> Result<VulkanTracer<'d>, Error> {
         let device = pipelines.device;
         let plan = Plan::new(scene, options.blas_per, &device.info().limits)?;
         let blases = Blases::build(device, scene, &plan, &options)?;
@@ -209,6 +205,8 @@ impl<'d> VulkanTracer<'d> {
             results: results.address,
             first: 0,
             ray_flags: flags,
+            scale: self.identity.scale as f32,
+            padding: 0,
         };
         pipeline.trace(commands, work, part.count, self.device().info().limits.rays_per_launch);
     }
@@ -219,6 +217,8 @@ const TERMINATE_ON_FIRST_HIT: u32 = 4;
 
 /// From what a device calls a triangle to what the scene does.
 struct Identity {
+    /// Units on the device a unit of the rays.
+    scale: f64,
     /// For each TLAS entry its instance in the scene and its group.
     entries: Vec<(u32, u32)>,
     /// Where each group's geometries start in `first_triangles`.
@@ -231,7 +231,7 @@ impl Identity {
     fn new(scene: &Scene, plan: &Plan) -> Identity {
         let (first_triangles, groups) = plan.first_triangles(scene);
         let entries = plan.entries.iter().map(|e| (e.instance, e.group)).collect();
-        Identity { entries, groups, first_triangles }
+        Identity { scale: plan.scales.world, entries, groups, first_triangles }
     }
 
     fn hit(&self, found: &interface::Hit) -> Option<Hit> {
@@ -241,6 +241,7 @@ impl Identity {
         let (instance, group) = self.entries[found.entry as usize];
         let geometry = self.groups[group as usize] + found.geometry;
         let triangle = self.first_triangles[geometry as usize] + found.primitive;
-        Some(Hit { t: found.t, instance, triangle, front: found.front != 0 })
+        let t = (f64::from(found.t) / self.scale) as f32;
+        Some(Hit { t, instance, triangle, front: found.front != 0 })
     }
 }

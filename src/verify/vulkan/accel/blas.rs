@@ -7,6 +7,7 @@ use ash::vk;
 
 use super::inputs::{Addresses, Inputs, describe, input_bytes};
 use super::plan::Group;
+use super::scale::Scales;
 use super::structure::{ALIGNMENT, Sizes, Structure, sizes};
 use super::{BuildOptions, Plan};
 use crate::scene::Scene;
@@ -60,7 +61,8 @@ impl<'d> Blases<'d> {
         plan: &Plan,
         options: &BuildOptions,
     ) -> Result<Blases<'d>, Error> {
-        let builder = Builder { device, scene, flags: flags(options), timer: Timer::new(device)? };
+        let timer = Timer::new(device)?;
+        let builder = Builder { device, scene, scales: &plan.scales, flags: flags(options), timer };
         let needs: Vec<Needs> = plan.groups.iter().map(|g| builder.needs(g)).collect();
         for (group, needs) in plan.groups.iter().zip(&needs) {
             let what = || format!("bytes of the {}", group.name(scene));
@@ -177,6 +179,7 @@ impl<'d> Scratch<'d> {
 struct Builder<'d, 'a> {
     device: &'d Device,
     scene: &'a Scene,
+    scales: &'a Scales,
     flags: vk::BuildAccelerationStructureFlagsKHR,
     timer: Timer<'d>,
 }
@@ -222,10 +225,9 @@ impl<'d> Builder<'d, '_> {
         structures: &[Structure<'d>],
         scratch: &Scratch<'d>,
     ) -> Result<f64, Error> {
-        let inputs = Inputs::upload(self.device, self.scene, groups)?;
+        let inputs = Inputs::upload(self.device, self.scene, groups, self.scales)?;
         let mut addresses = inputs.addresses().iter().copied();
-        let described: Vec<_> =
-            groups.iter().map(|g| describe(g.geometries(self.scene), addresses.by_ref())).collect();
+        let described: Vec<_> = groups.iter().map(|g| describe(g.geometries(self.scene), addresses.by_ref())).collect();
         let mut scratch_at = scratch.start();
         let mut builds = Vec::with_capacity(groups.len());
         for ((geometries, needs), structure) in described.iter().zip(needs).zip(structures) {

@@ -1,8 +1,12 @@
 //! The triangles of a batch of BLASes on their way into the build.
 
+use std::borrow::Cow;
+
 use ash::vk;
+use glam::Vec3;
 
 use super::plan::Group;
+use super::scale::Scales;
 use crate::scene::{Geometry, Opacity, Scene};
 use crate::verify::vulkan::Error;
 use crate::verify::vulkan::device::Device;
@@ -27,9 +31,19 @@ pub(super) struct Inputs<'d> {
 
 impl<'d> Inputs<'d> {
     /// Uploads the geometries of some groups.
-    pub(super) fn upload(device: &'d Device, scene: &Scene, groups: &[Group]) -> Result<Inputs<'d>, Error> {
-        let arrays: Vec<&[u8]> =
-            groups.iter().flat_map(|g| g.geometries(scene)).flat_map(|g| [positions(g), triangles(g)]).collect();
+    pub(super) fn upload(
+        device: &'d Device,
+        scene: &Scene,
+        groups: &[Group],
+        scales: &Scales,
+    ) -> Result<Inputs<'d>, Error> {
+        let scaled = |group: &Group| (group.geometries(scene), scales.meshes[group.mesh]);
+        let arrays: Vec<Cow<'_, [u8]>> = groups
+            .iter()
+            .map(scaled)
+            .flat_map(|(geometries, scale)| geometries.iter().map(move |g| [positions(g, scale), triangles(g)]))
+            .flatten()
+            .collect();
         let max_buffer = device.info().limits.max_allocation;
         let packing = Packing::new(arrays.iter().map(|a| a.len() as u64), ALIGNMENT, max_buffer);
         let what = format!("the triangles of {} BLASes", groups.len());
@@ -53,16 +67,20 @@ impl<'d> Inputs<'d> {
 
 /// Bytes that [`Inputs::upload`] takes for a geometry.
 pub(super) fn input_bytes(geometry: &Geometry) -> u64 {
-    let aligned = |array: &[u8]| (array.len() as u64).next_multiple_of(ALIGNMENT);
-    aligned(positions(geometry)) + aligned(triangles(geometry))
+    let aligned = |bytes: usize| (bytes as u64).next_multiple_of(ALIGNMENT);
+    aligned(size_of_val(&geometry.positions[..])) + aligned(size_of_val(&geometry.triangles[..]))
 }
 
-fn positions(geometry: &Geometry) -> &[u8] {
-    bytemuck::cast_slice(&geometry.positions)
+fn positions(geometry: &Geometry, scale: f64) -> Cow<'_, [u8]> {
+    if scale == 1.0 {
+        return Cow::Borrowed(bytemuck::cast_slice(&geometry.positions));
+    }
+    let scaled: Vec<Vec3> = geometry.positions.iter().map(|p| *p * scale as f32).collect();
+    Cow::Owned(bytemuck::cast_slice(&scaled).to_vec())
 }
 
-fn triangles(geometry: &Geometry) -> &[u8] {
-    bytemuck::cast_slice(&geometry.triangles)
+fn triangles(geometry: &Geometry) -> Cow<'_, [u8]> {
+    Cow::Borrowed(bytemuck::cast_slice(&geometry.triangles))
 }
 
 /// Describes geometries to a build; where only sizes are asked for, addresses are of no concern.

@@ -3,6 +3,7 @@
 mod blas;
 mod inputs;
 mod plan;
+mod scale;
 mod structure;
 mod tlas;
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::DAffine3;
 
 use super::BlasPer;
+use super::scale::Scales;
 use crate::scene::{Mesh, Scene};
 use crate::verify::vulkan::Error;
 use crate::verify::vulkan::info::Limits;
@@ -31,8 +32,9 @@ pub(in crate::verify::vulkan) struct Entry {
 }
 
 /// What to build for a scene.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(in crate::verify::vulkan) struct Plan {
+    pub(in crate::verify::vulkan) scales: Scales,
     pub(super) groups: Vec<Group>,
     pub(in crate::verify::vulkan) entries: Vec<Entry>,
     /// Instances that no ray can enter.
@@ -58,7 +60,8 @@ impl Group {
 impl Plan {
     /// Plans BLASes and entries, and holds them against the limits.
     pub(in crate::verify::vulkan) fn new(scene: &Scene, per: BlasPer, limits: &Limits) -> Result<Plan, Error> {
-        let mut plan = Plan::default();
+        let mut plan =
+            Plan { scales: Scales::of(scene), groups: Vec::new(), entries: Vec::new(), skipped_instances: 0 };
         let mut groups_of_mesh = Vec::with_capacity(scene.meshes.len());
         for (index, mesh) in scene.meshes.iter().enumerate() {
             let first = plan.groups.len();
@@ -66,8 +69,9 @@ impl Plan {
             groups_of_mesh.push(first..plan.groups.len());
         }
         for (index, instance) in scene.instances.iter().enumerate() {
-            let groups = &groups_of_mesh[instance.mesh.0 as usize];
-            if groups.is_empty() || !can_be_entered(&instance.transform) {
+            let mesh = instance.mesh.0 as usize;
+            let groups = &groups_of_mesh[mesh];
+            if groups.is_empty() || !can_be_entered(&plan.scales.transform(&instance.transform, mesh)) {
                 plan.skipped_instances += 1;
                 continue;
             }
@@ -75,6 +79,12 @@ impl Plan {
         }
         plan.check(scene, limits)?;
         Ok(plan)
+    }
+
+    /// World from mesh of an entry, both as they are on the device.
+    pub(super) fn transform(&self, scene: &Scene, entry: &Entry) -> DAffine3 {
+        let instance = &scene.instances[entry.instance as usize];
+        self.scales.transform(&instance.transform, instance.mesh.0 as usize)
     }
 
     fn check(&self, scene: &Scene, limits: &Limits) -> Result<(), Error> {
@@ -108,9 +118,7 @@ fn split(mesh: &Mesh, per: BlasPer) -> Vec<Range<usize>> {
     match per {
         BlasPer::Mesh if mesh.triangle_count() == 0 => Vec::new(),
         BlasPer::Mesh => vec![all],
-        BlasPer::Primitive => {
-            all.filter(|&g| !mesh.geometries[g].triangles.is_empty()).map(|g| g..g + 1).collect()
-        }
+        BlasPer::Primitive => all.filter(|&g| !mesh.geometries[g].triangles.is_empty()).map(|g| g..g + 1).collect(),
     }
 }
 
@@ -196,7 +204,7 @@ mod tests {
 
     #[test]
     fn instances_that_no_ray_can_enter_are_skipped() {
-        let flat = [scaled(0.0, 1.0, 1.0), scaled(0.0, 0.0, 0.0), scaled(1e-60, 1.0, 1.0), scaled(1e39, 1.0, 1.0)];
+        let flat = [scaled(0.0, 1.0, 1.0), scaled(0.0, 0.0, 0.0), scaled(1e-60, 1.0, 1.0), scaled(1e-45, 1.0, 1.0)];
         let mut placed: Vec<(u32, DAffine3)> = flat.map(|t| (0, t)).to_vec();
         placed.push((0, scaled(-1.0, 1e-12, 1.0)));
         placed.push((1, DAffine3::IDENTITY));
@@ -208,15 +216,15 @@ mod tests {
 
     #[test]
     fn nothing_gives_nothing() {
-        assert_eq!(Plan::new(&Scene::default(), BlasPer::Mesh, &PLENTY).expect("fits"), Plan::default());
+        let plan = Plan::new(&Scene::default(), BlasPer::Mesh, &PLENTY).expect("within the limits");
+        assert!(plan.groups.is_empty() && plan.entries.is_empty() && plan.skipped_instances == 0);
     }
 
     #[test]
     fn each_limit_is_checked_before_the_build_and_names_its_object() {
         let scene = scene(vec![mesh(&[4, 5])], &[(0, DAffine3::IDENTITY), (0, DAffine3::IDENTITY)]);
-        let error = |limits: Limits| {
-            Plan::new(&scene, BlasPer::Mesh, &limits).expect_err("it exceeds a limit").to_string()
-        };
+        let error =
+            |limits: Limits| Plan::new(&scene, BlasPer::Mesh, &limits).expect_err("it exceeds a limit").to_string();
         let exact = Limits { instances: 2, geometries: 2, primitives: 9, ..PLENTY };
         assert!(Plan::new(&scene, BlasPer::Mesh, &exact).is_ok());
         assert_eq!(

@@ -36,11 +36,8 @@ impl<'d> Structure<'d> {
         size: u64,
     ) -> Result<Structure<'d>, Error> {
         assert!(offset % ALIGNMENT == 0 && offset + size <= buffer.size, "a structure lies aligned in its buffer");
-        let info = vk::AccelerationStructureCreateInfoKHR::default()
-            .buffer(buffer.handle)
-            .offset(offset)
-            .size(size)
-            .ty(kind);
+        let info =
+            vk::AccelerationStructureCreateInfoKHR::default().buffer(buffer.handle).offset(offset).size(size).ty(kind);
         // SAFETY: the range was checked; the buffer was made for structures.
         let handle = unsafe { device.structures.create_acceleration_structure(&info, None) }
             .map_err(|e| Error::call(what, size, e))?;

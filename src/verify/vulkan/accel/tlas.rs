@@ -98,12 +98,7 @@ fn describe(instances: u64) -> vk::AccelerationStructureGeometryKHR<'static> {
         .geometry(vk::AccelerationStructureGeometryDataKHR { instances: data })
 }
 
-fn upload<'d>(
-    device: &'d Device,
-    scene: &Scene,
-    plan: &Plan,
-    blases: &Blases<'d>,
-) -> Result<Buffer<'d>, Error> {
+fn upload<'d>(device: &'d Device, scene: &Scene, plan: &Plan, blases: &Blases<'d>) -> Result<Buffer<'d>, Error> {
     let size = (plan.entries.len() * size_of::<Record>()) as u64;
     let what = format!("{} instances", plan.entries.len());
     let buffer = Buffer::new(device, &what, size, Purpose::BuildInput)?;
@@ -113,8 +108,8 @@ fn upload<'d>(
         let records: Vec<Record> = (chunk * CHUNK..)
             .zip(entries)
             .map(|(index, entry)| {
-                let transform = &scene.instances[entry.instance as usize].transform;
-                record(index as u32, transform, blases.address(entry.group as usize))
+                let transform = plan.transform(scene, entry);
+                record(index as u32, &transform, blases.address(entry.group as usize))
             })
             .collect();
         uploader.write(&buffer, offset, bytemuck::cast_slice(&records))?;
@@ -146,11 +141,7 @@ mod tests {
     #[test]
     fn an_instance_is_stored_by_rows() {
         let transform = DAffine3 {
-            matrix3: DMat3::from_cols(
-                DVec3::new(1.0, 2.0, 3.0),
-                DVec3::new(4.0, 5.0, 6.0),
-                DVec3::new(7.0, 8.0, 9.0),
-            ),
+            matrix3: DMat3::from_cols(DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0), DVec3::new(7.0, 8.0, 9.0)),
             translation: DVec3::new(10.0, 11.0, 12.0),
         };
         let record = record(0xabcdef, &transform, 42);

@@ -52,9 +52,7 @@ fn offsets(module: &[u8]) -> Offsets {
         }
         rest = later;
     }
-    let named = |(of, member, offset): (u32, u32, u32)| {
-        ((names[&of].clone(), members[&(of, member)].clone()), offset)
-    };
+    let named = |(of, member, offset): (u32, u32, u32)| ((names[&of].clone(), members[&(of, member)].clone()), offset);
     found.into_iter().map(named).collect()
 }
 
@@ -99,6 +97,7 @@ fn offsets_agree_with_the_shaders() {
                 ("results", offset_of!(Work, results)),
                 ("first", offset_of!(Work, first)),
                 ("ray_flags", offset_of!(Work, ray_flags)),
+                ("scale", offset_of!(Work, scale)),
             ],
         );
     }

@@ -120,6 +120,32 @@ fn of_20_000_instances_each_is_itself() {
     });
 }
 
+/// Coordinates whose products single precision cannot hold, in the world, in meshes, or in both.
+#[test]
+fn very_large_and_very_small_scenes_are_hit_like_any_other() {
+    let plain = scene(vec![mesh(vec![soup(60, Opacity::Opaque, 5)])], [(0, DAffine3::IDENTITY)]);
+    let all = rays(500, 1.0);
+    on_device(|device| {
+        let expected = closest(device, &plain, &all, PLAIN);
+        for (of_mesh, of_world) in [(1e30, 1e30), (1e-30, 1e-30), (1e30, 1.0), (1e-30, 1e25), (1.0, 1e-35)] {
+            let mut scene = plain.clone();
+            scene.meshes[0].geometries[0].positions.iter_mut().for_each(|p| *p *= of_mesh as f32);
+            scene.instances[0].transform = DAffine3::from_scale(DVec3::splat(of_world / of_mesh));
+            let scaled = |r: &Ray| Ray { origin: r.origin * of_world as f32, ..*r };
+            let hits = closest(device, &scene, &all.iter().map(scaled).collect::<Vec<_>>(), PLAIN);
+            let same = |(a, b): (&Option<Hit>, &Option<Hit>)| match (a, b) {
+                (Some(a), Some(b)) => {
+                    (a.triangle, a.front) == (b.triangle, b.front)
+                        && (f64::from(b.t) / of_world / f64::from(a.t) - 1.0).abs() < 1e-4
+                }
+                (a, b) => a == b,
+            };
+            let differ = expected.iter().zip(&hits).filter(|pair| !same(*pair)).count();
+            assert!(differ <= 1, "{differ} rays differ with {of_mesh:e} and {of_world:e}");
+        }
+    });
+}
+
 #[test]
 fn a_scene_of_nothing_is_never_hit() {
     let flat = scene(vec![mesh(vec![square()])], [(0, DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)))]);

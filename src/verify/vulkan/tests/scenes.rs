@@ -29,12 +29,7 @@ pub(super) fn rays(count: usize, reach: f64) -> Vec<Ray> {
     let mut random = Random(7);
     let mut ray = || {
         let (from, to) = (random.point(2.0 * reach), random.point(reach));
-        Ray {
-            origin: from.as_vec3(),
-            direction: (to - from).normalize().as_vec3(),
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        }
+        Ray { origin: from.as_vec3(), direction: (to - from).normalize().as_vec3(), t_min: 0.0, t_max: f32::INFINITY }
     };
     (0..count).map(|_| ray()).collect()
 }

@@ -1,3 +1,8 @@
+// A ray in the units of the structures.
+Ray scaled(Ray ray, float scale) {
+    return Ray(ray.origin * scale, ray.t_min * scale, ray.direction, ray.t_max * scale);
+}
+
 // Whether a ray may be traced: others have no defined result, and count as misses.
 bool is_sound(Ray ray) {
     bool numbers = !any(isnan(ray.origin)) && !any(isinf(ray.origin))
