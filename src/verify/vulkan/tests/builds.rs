@@ -48,7 +48,7 @@ fn of_10_000_blases_each_is_itself() {
         Ray { origin, direction, t_min: 0.0, t_max: 1.0 }
     };
     let rays: Vec<Ray> = (0..10_000).map(aimed).collect();
-    on_device(|device| {
+    on_unchecked_device(|device| {
         // Storage in many buffers.
         device.limits_mut().max_allocation = 4 << 20;
         let hits = closest(device, &scene, &rays, BuildOptions::default());

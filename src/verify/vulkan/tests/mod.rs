@@ -5,6 +5,7 @@ mod builds;
 mod hits;
 mod memory;
 mod scenes;
+mod truth;
 
 use std::sync::Mutex;
 
@@ -16,10 +17,19 @@ use crate::verify::rays::Ray;
 /// Drivers are not asked to serve several devices at once.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// Runs a test on a device of its own.
+/// Runs a test on a device of its own, and has every call checked.
 fn on_device(test: impl FnOnce(&mut Device)) {
+    on_device_with(Options { validation: true }, test);
+}
+
+/// Runs a test that would keep the validation layer busy for minutes, or that does what the layer is against.
+fn on_unchecked_device(test: impl FnOnce(&mut Device)) {
+    on_device_with(Options { validation: false }, test);
+}
+
+fn on_device_with(options: Options, test: impl FnOnce(&mut Device)) {
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
-    let vulkan = Vulkan::load(Options { validation: true }).expect("tests/install_vulkan.sh was run");
+    let vulkan = Vulkan::load(options).expect("tests/install_vulkan.sh was run");
     let mut device = vulkan.open(&Wanted::Auto).expect("tests/install_vulkan.sh installs a driver");
     test(&mut device);
     // What was not freed is told when the device goes.
@@ -34,6 +44,17 @@ fn closest(device: &Device, scene: &Scene, rays: &[Ray], options: BuildOptions) 
     let tracer = VulkanTracer::new(&pipelines, scene, options).expect("the structures are built");
     let rays = device.upload_rays(rays).expect("rays fit");
     tracer.trace(&rays, false).expect("rays are traced").hits
+}
+
+#[test]
+fn the_validation_layer_is_heard() {
+    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
+    let vulkan = Vulkan::load(Options { validation: true }).expect("tests/install_vulkan.sh was run");
+    let device = vulkan.open(&Wanted::Auto).expect("tests/install_vulkan.sh installs a driver");
+    // A pool of no queries is against the rules.
+    drop(super::commands::Queries::new(&device, ash::vk::QueryType::TIMESTAMP, 0));
+    drop(device);
+    assert!(!vulkan.take_validation_messages().is_empty());
 }
 
 #[test]
