@@ -18,6 +18,8 @@ mod test_scenes;
 mod tests;
 pub mod verdict;
 pub mod view;
+#[cfg(feature = "vulkan")]
+pub mod vulkan;
 
 use std::time::Instant;
 

@@ -1,0 +1,50 @@
+//! What host and shaders share: the structures of `shaders/interface.glsl`.
+
+use crate::verify::rays;
+
+/// A ray.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Ray {
+    pub(super) origin: [f32; 3],
+    pub(super) t_min: f32,
+    pub(super) direction: [f32; 3],
+    pub(super) t_max: f32,
+}
+
+/// What a ray hit.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Hit {
+    /// Negative for a miss.
+    pub(super) t: f32,
+    pub(super) entry: u32,
+    pub(super) geometry: u32,
+    pub(super) primitive: u32,
+    pub(super) front: u32,
+    pub(super) any_hits: u32,
+}
+
+/// What a launch is about: the push constants.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Work {
+    pub(super) scene: u64,
+    pub(super) rays: u64,
+    pub(super) results: u64,
+    pub(super) first: u32,
+    pub(super) ray_flags: u32,
+    /// Units on the device a unit of the rays: a power of two.
+    pub(super) scale: f32,
+    /// Nothing may be left undefined.
+    pub(super) padding: u32,
+}
+
+impl From<&rays::Ray> for Ray {
+    fn from(ray: &rays::Ray) -> Ray {
+        Ray { origin: ray.origin.to_array(), t_min: ray.t_min, direction: ray.direction.to_array(), t_max: ray.t_max }
+    }
+}
+
+#[cfg(test)]
+mod tests;

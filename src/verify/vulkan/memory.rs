@@ -1,0 +1,245 @@
+//! Buffers.
+
+use ash::vk;
+
+use super::Error;
+use super::device::Device;
+
+/// What a buffer is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// Vertices, indices and instances that structures are built from.
+    BuildInput,
+    /// Acceleration structures.
+    Structures,
+    /// What a build writes down in between.
+    Scratch,
+    /// What shaders read and write.
+    ShaderData,
+    /// The table of shaders.
+    ShaderTable,
+    /// Host memory on its way to the device.
+    Upload,
+    /// Host memory for what comes back.
+    Download,
+}
+
+impl Purpose {
+    fn usage(self) -> vk::BufferUsageFlags {
+        use vk::BufferUsageFlags as Usage;
+        match self {
+            Purpose::BuildInput => {
+                Usage::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
+                    | Usage::SHADER_DEVICE_ADDRESS
+                    | Usage::TRANSFER_DST
+            }
+            Purpose::Structures => Usage::ACCELERATION_STRUCTURE_STORAGE_KHR | Usage::SHADER_DEVICE_ADDRESS,
+            Purpose::Scratch => Usage::STORAGE_BUFFER | Usage::SHADER_DEVICE_ADDRESS,
+            Purpose::ShaderData => {
+                Usage::STORAGE_BUFFER | Usage::SHADER_DEVICE_ADDRESS | Usage::TRANSFER_SRC | Usage::TRANSFER_DST
+            }
+            Purpose::ShaderTable => {
+                Usage::SHADER_BINDING_TABLE_KHR | Usage::SHADER_DEVICE_ADDRESS | Usage::TRANSFER_DST
+            }
+            Purpose::Upload => Usage::TRANSFER_SRC,
+            Purpose::Download => Usage::TRANSFER_DST,
+        }
+    }
+
+    /// Properties that the memory should have; where there is none such, the second.
+    fn memory(self) -> [vk::MemoryPropertyFlags; 2] {
+        use vk::MemoryPropertyFlags as Memory;
+        let host = Memory::HOST_VISIBLE | Memory::HOST_COHERENT;
+        match self {
+            Purpose::Upload => [host, host],
+            Purpose::Download => [host | Memory::HOST_CACHED, host],
+            _ => [Memory::DEVICE_LOCAL, Memory::empty()],
+        }
+    }
+}
+
+/// A buffer with memory of its own. There are few of them, each of many objects, as devices limit the number of
+/// allocations (often to 4096).
+pub(super) struct Buffer<'d> {
+    device: &'d Device,
+    pub(super) handle: vk::Buffer,
+    memory: vk::DeviceMemory,
+    pub(super) size: u64,
+    /// Where shaders and builds find it; 0 for memory of the host.
+    pub(super) address: u64,
+    /// Where the host finds it; null for memory of the device.
+    mapped: *mut u8,
+}
+
+// SAFETY: the pointer is to mapped memory that the buffer owns; it is written through only by `&mut self`.
+unsafe impl Send for Buffer<'_> {}
+// SAFETY: as above.
+unsafe impl Sync for Buffer<'_> {}
+
+impl<'d> Buffer<'d> {
+    /// A buffer of at least one byte, with whatever was in its memory. `what` names it in errors.
+    pub(super) fn new(device: &'d Device, what: &str, size: u64, purpose: Purpose) -> Result<Buffer<'d>, Error> {
+        let size = size.max(1);
+        Error::check_limit(|| format!("bytes of {what}"), size, device.info().limits.max_allocation)?;
+        let failed = |e| Error::call(what, size, e);
+        let info = vk::BufferCreateInfo::default().size(size).usage(purpose.usage());
+        // SAFETY: the usages need no more than the extensions enabled.
+        let handle = unsafe { device.handle.create_buffer(&info, None) }.map_err(failed)?;
+        // Freed by `Drop` from here on, whatever fails.
+        let mut buffer =
+            Buffer { device, handle, memory: vk::DeviceMemory::null(), size, address: 0, mapped: std::ptr::null_mut() };
+        buffer.allocate(purpose).map_err(failed)?;
+        if purpose.usage().contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS) {
+            let info = vk::BufferDeviceAddressInfo::default().buffer(handle);
+            // SAFETY: the buffer has memory and was made to have an address.
+            buffer.address = unsafe { device.handle.get_buffer_device_address(&info) };
+        }
+        Ok(buffer)
+    }
+
+    fn allocate(&mut self, purpose: Purpose) -> Result<(), vk::Result> {
+        let vulkan = &self.device.handle;
+        // SAFETY: the buffer is alive.
+        let needs = unsafe { vulkan.get_buffer_memory_requirements(self.handle) };
+        let Some(kind) = memory_kind(&self.device.memory, needs.memory_type_bits, purpose) else {
+            return Err(vk::Result::ERROR_FEATURE_NOT_PRESENT);
+        };
+        let has_address = purpose.usage().contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS);
+        let flags =
+            if has_address { vk::MemoryAllocateFlags::DEVICE_ADDRESS } else { vk::MemoryAllocateFlags::empty() };
+        let mut flags = vk::MemoryAllocateFlagsInfo::default().flags(flags);
+        let info =
+            vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind).push_next(&mut flags);
+        // SAFETY: size and type are what the buffer asks for, and the memory is bound once; it is mapped only where
+        // its type allows, and as a whole.
+        unsafe {
+            self.memory = vulkan.allocate_memory(&info, None)?;
+            vulkan.bind_buffer_memory(self.handle, self.memory, 0)?;
+            if matches!(purpose, Purpose::Upload | Purpose::Download) {
+                let all = vk::MemoryMapFlags::empty();
+                self.mapped = vulkan.map_memory(self.memory, 0, vk::WHOLE_SIZE, all)?.cast();
+            }
+        }
+        Ok(())
+    }
+
+    /// The bytes, as the host sees them; none of a buffer in the device's memory.
+    pub(super) fn bytes(&self) -> &[u8] {
+        if self.mapped.is_null() {
+            return &[];
+        }
+        // SAFETY: the memory is mapped, at least `size` bytes long and written by the device only during
+        // submissions, which need the buffer's `bytes_mut` or its borrow to be over.
+        unsafe { std::slice::from_raw_parts(self.mapped, self.size as usize) }
+    }
+
+    /// As [`Buffer::bytes`], to write.
+    pub(super) fn bytes_mut(&mut self) -> &mut [u8] {
+        if self.mapped.is_null() {
+            return &mut [];
+        }
+        // SAFETY: as above; the borrow is the only one.
+        unsafe { std::slice::from_raw_parts_mut(self.mapped, self.size as usize) }
+    }
+}
+
+impl Drop for Buffer<'_> {
+    fn drop(&mut self) {
+        // SAFETY: submissions are waited for, so that none uses the buffer; freeing null memory does nothing, and
+        // freeing unmaps.
+        unsafe {
+            self.device.handle.destroy_buffer(self.handle, None);
+            self.device.handle.free_memory(self.memory, None);
+        }
+    }
+}
+
+/// The type of memory that suits best, of those in `allowed` (one bit a type).
+fn memory_kind(memory: &vk::PhysicalDeviceMemoryProperties, allowed: u32, purpose: Purpose) -> Option<u32> {
+    let types = memory.memory_types_as_slice();
+    purpose.memory().into_iter().find_map(|wanted| {
+        let suits = |i: &usize| allowed & (1 << i) != 0 && types[*i].property_flags.contains(wanted);
+        (0..types.len()).find(suits).map(|i| i as u32)
+    })
+}
+
+/// Where an object lies: in which buffer, and at which offset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) buffer: usize,
+    pub(super) offset: u64,
+}
+
+/// Objects laid one after another into few buffers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Packing {
+    /// For each object its place.
+    pub(super) places: Vec<Place>,
+    /// For each buffer its size.
+    pub(super) buffers: Vec<u64>,
+}
+
+impl Packing {
+    /// Lays objects of given sizes at multiples of `alignment` into buffers of at most `max_buffer` bytes; an object
+    /// larger than that gets a buffer to itself.
+    pub(super) fn new(sizes: impl IntoIterator<Item = u64>, alignment: u64, max_buffer: u64) -> Packing {
+        let mut packing = Packing::default();
+        for size in sizes {
+            let end = packing.buffers.last().map_or(0, |used| used.next_multiple_of(alignment));
+            if packing.buffers.is_empty() || end.saturating_add(size) > max_buffer && end > 0 {
+                packing.buffers.push(size);
+                packing.places.push(Place { buffer: packing.buffers.len() - 1, offset: 0 });
+            } else {
+                let buffer = packing.buffers.len() - 1;
+                packing.buffers[buffer] = end + size;
+                packing.places.push(Place { buffer, offset: end });
+            }
+        }
+        packing
+    }
+
+    /// Makes the buffers.
+    pub(super) fn allocate<'d>(
+        &self,
+        device: &'d Device,
+        what: &str,
+        purpose: Purpose,
+    ) -> Result<Vec<Buffer<'d>>, Error> {
+        self.buffers.iter().map(|&size| Buffer::new(device, what, size, purpose)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(packing: &Packing) -> Vec<(usize, u64)> {
+        packing.places.iter().map(|p| (p.buffer, p.offset)).collect()
+    }
+
+    #[test]
+    fn objects_are_aligned_and_split_over_buffers() {
+        let packing = Packing::new([100, 200, 300, 1], 256, 700);
+        assert_eq!(places(&packing), [(0, 0), (0, 256), (1, 0), (1, 512)]);
+        assert_eq!(packing.buffers, [456, 513]);
+    }
+
+    #[test]
+    fn a_buffer_may_be_filled_to_the_last_byte() {
+        assert_eq!(Packing::new([256, 256], 256, 512).buffers, [512]);
+        assert_eq!(Packing::new([256, 257], 256, 512).buffers, [256, 257]);
+    }
+
+    #[test]
+    fn an_object_too_large_is_alone() {
+        let packing = Packing::new([10, 1000, 10], 16, 100);
+        assert_eq!(places(&packing), [(0, 0), (1, 0), (2, 0)]);
+        assert_eq!(packing.buffers, [10, 1000, 10]);
+    }
+
+    #[test]
+    fn nothing_needs_no_buffer() {
+        assert_eq!(Packing::new([], 256, 100), Packing::default());
+        assert_eq!(places(&Packing::new([0, 0, 5], 256, 100)), [(0, 0), (0, 0), (0, 0)]);
+    }
+}

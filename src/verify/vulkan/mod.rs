@@ -1,0 +1,34 @@
+//! Acceleration structures built and traced on a Vulkan device.
+//!
+//! [`Vulkan`] loads the system's Vulkan at run time and lists and opens devices; a [`Device`] is what everything else
+//! borrows. [`VulkanTracer`] builds the BLASes and the TLAS of a [`Scene`](crate::scene::Scene) and traces rays
+//! through them with the pipelines of [`Pipelines`]; [`RayBuffer`] keeps rays on the device for several tracers.
+//!
+//! Nothing here needs more of a device than the extensions `VK_KHR_acceleration_structure` and
+//! `VK_KHR_ray_tracing_pipeline` and buffer addresses. All unsafe code of the program is in this folder. Files, in
+//! the order in which they build on each other: `error`, `instance`, `info`, `device`, `commands`, `memory`,
+//! `transfer`, `accel`, `interface`, `pipeline`, `trace`.
+
+#![allow(unsafe_code)]
+
+mod accel;
+mod commands;
+mod device;
+mod error;
+mod info;
+mod instance;
+mod interface;
+mod memory;
+mod pipeline;
+mod trace;
+mod transfer;
+
+#[cfg(test)]
+mod tests;
+
+pub use accel::{BlasPer, BuildOptions, BuildReport, Prefer};
+pub use device::{Device, Wanted};
+pub use error::Error;
+pub use info::{DeviceInfo, Heap, Limits};
+pub use instance::{Options, Vulkan};
+pub use trace::{Pipelines, RayBuffer, Traced, VulkanTracer};
