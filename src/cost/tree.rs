@@ -330,6 +330,10 @@ fn singles(list: &[u32], items: &Items) -> Option<Vec<u32>> {
     list.iter().map(|&i| items.ones.get(i as usize).copied()).collect()
 }
 
+/// How far the builder's boxes reach beyond their items, in unit cubes: boxes that all lie on a line have no areas to
+/// tell them apart by, and clustering equals takes quadratic time.
+const REACH: f32 = 1.0 / (1 << 22) as f32;
+
 /// The boxes moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
 /// builder's single precision.
 fn in_unit_cube(items: &Items) -> Vec<Boxed> {
@@ -338,7 +342,7 @@ fn in_unit_cube(items: &Items) -> Vec<Boxed> {
     let scale = 1.0 / all.size().max_element();
     let scale = if scale.is_finite() { scale } else { 0.0 };
     let point = |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
-    items.bounds().map(|b| Boxed(Aabb::new(point(b.min), point(b.max)))).collect()
+    items.bounds().map(|b| Boxed(Aabb::new(point(b.min) - REACH, point(b.max) + REACH))).collect()
 }
 
 #[cfg(test)]
@@ -456,6 +460,21 @@ mod tests {
         let tiny = |i: u32| Bounds { min: DVec3::ZERO, max: DVec3::splat(f64::from(i) * 5e-324) };
         let boxes: Vec<Bounds> = (0..100).map(tiny).collect();
         assert_each_item_once(&Tree::build(&boxes, Quality::Medium), boxes.len());
+    }
+
+    #[test]
+    fn points_and_segments_on_a_line_give_shallow_trees() {
+        let line = |length: f64| {
+            (0..32_000)
+                .map(move |i| dvec3(f64::from(i), 0.0, 0.0))
+                .map(move |min| Bounds { min, max: min + dvec3(length, 0.0, 0.0) })
+                .collect::<Vec<_>>()
+        };
+        for boxes in [line(0.0), line(1.0)] {
+            let tree = Tree::build(&boxes, Quality::Medium);
+            assert_each_item_once(&tree, boxes.len());
+            assert!(tree.depth() < 96, "depth {}", tree.depth());
+        }
     }
 
     #[test]

@@ -197,7 +197,7 @@ fn points_and_lines_beside_triangles_stay_where_they_are() {
     let lines = json!({"attributes": {"POSITION": 0}, "mode": 1});
     let doc = document(json!([{"mesh": 0, "name": "both"}]), json!({"primitives": [surface(0), lines]}));
     let scene = load(&doc);
-    assert!(!scene.meshes[0].whole);
+    assert!(!scene.meshes[0].dropped);
     let json = emit(&doc, &scene, &baked(&scene), false).document.json;
     let kept = &json["meshes"][json["nodes"][0]["mesh"].as_u64().expect("the node keeps a mesh") as usize];
     assert_eq!(kept["primitives"].as_array().map(Vec::len), Some(1));

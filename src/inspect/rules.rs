@@ -172,7 +172,7 @@ mod tests {
             triangles: vec![[0, 1, 2]],
             ..Geometry::default()
         };
-        let mesh = Mesh { name: "tri".into(), geometries: vec![geometry], whole: true, ..Mesh::default() };
+        let mesh = Mesh { name: "tri".into(), geometries: vec![geometry], ..Mesh::default() };
         let instance = |(i, t): (usize, &DAffine3)| Instance {
             name: String::new(),
             node: i as u32,

@@ -108,7 +108,7 @@ impl<'a> Builder<'a> {
         let group = match self.whole[mesh.0 as usize] {
             Some(group) => group,
             None => {
-                let content = if lost_triangles(&self.scene.meshes[mesh.0 as usize]) {
+                let content = if self.scene.meshes[mesh.0 as usize].dropped {
                     self.piece(mesh, None)
                 } else {
                     Content::Kept(mesh)
@@ -210,12 +210,6 @@ pub(super) fn first_instances(scene: &Scene) -> Vec<u32> {
         first[instance.mesh.0 as usize].get_or_insert(i as u32);
     }
     first.into_iter().map(Option::unwrap_or_default).collect()
-}
-
-/// Whether triangles of the file's mesh were dropped, so that it must not be written as it is. Points and lines
-/// beside the triangles are no reason: they stay with a mesh that is kept.
-pub(super) fn lost_triangles(mesh: &Mesh) -> bool {
-    !mesh.whole && mesh.geometries.iter().any(|g| g.kept.is_some())
 }
 
 fn geometry_name(base: &str, mesh: &Mesh, geometry: u32) -> String {

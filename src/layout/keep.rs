@@ -49,20 +49,11 @@ mod tests {
         builder.place(torn, "a", at(1.0, 0.0, 0.0));
         builder.place(torn, "b", at(2.0, 0.0, 0.0)).pinned = Some(Pinned::Animated);
         let mut scene = builder.scene();
-        scene.meshes[0].whole = false;
+        scene.meshes[0].dropped = true;
         scene.meshes[0].geometries[1].kept = Some(vec![0, 2]);
         let layout = keep(&scene, &Options::default());
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["piece torn"]);
         assert_eq!(layout.placements.len(), 2);
-    }
-
-    #[test]
-    fn a_mesh_with_points_beside_its_triangles_stays() {
-        let mut builder = SceneBuilder::default();
-        builder.object("dotted", 0, row(Vec3::ZERO, 3));
-        let mut scene = builder.scene();
-        scene.meshes[0].whole = false;
-        assert_eq!(group_names(&keep(&scene, &Options::default())), ["kept dotted"]);
     }
 }

@@ -31,7 +31,7 @@ impl SceneBuilder {
         let materials = materials.max(self.0.materials.len());
         self.0.materials.resize(materials, Material::default());
         let source = self.0.meshes.len() as u32;
-        self.0.meshes.push(Mesh { name: name.into(), source, geometries, whole: true });
+        self.0.meshes.push(Mesh { name: name.into(), source, geometries, dropped: false });
         MeshId(source)
     }
 
@@ -138,8 +138,8 @@ pub(super) fn any_scene() -> impl Strategy<Value = Scene> {
             let mesh = builder.mesh("mesh", geometries.into_iter().map(|(m, _, t)| (m, t)).collect());
             let made = &mut builder.0.meshes[mesh.0 as usize];
             made.geometries.iter_mut().zip(classes).for_each(|(g, class)| g.merge_class = class);
-            made.whole = kind > 1;
-            if kind == 0 {
+            made.dropped = kind == 0;
+            if made.dropped {
                 made.geometries[0].kept = Some((1..=made.geometries[0].triangles.len() as u32).collect());
             }
         }

@@ -130,14 +130,14 @@ fn load_mesh(
     materials: &[contents::Material],
     classes: &mut HashMap<String, u32>,
 ) -> Mesh {
-    let mut loaded = Mesh { name: mesh.name.clone().unwrap_or_default(), source, whole: true, ..Mesh::default() };
+    let mut loaded = Mesh { name: mesh.name.clone().unwrap_or_default(), source, ..Mesh::default() };
     let mut first_triangle = 0;
     for (primitive, p) in mesh.primitives.iter_mut().enumerate() {
-        let Some(triangles) = p.triangles.take().filter(|t| !t.corners.is_empty()) else {
-            loaded.whole = false;
+        let Some(triangles) = p.triangles.take() else { continue };
+        loaded.dropped |= triangles.kept.is_some();
+        if triangles.corners.is_empty() {
             continue;
-        };
-        loaded.whole &= triangles.kept.is_none();
+        }
         let next_class = classes.len() as u32;
         let count = triangles.corners.len() as u32;
         loaded.geometries.push(Geometry {

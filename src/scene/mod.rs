@@ -43,8 +43,9 @@ pub struct Mesh {
     pub source: u32,
     /// Its geometries, in file order; none is empty.
     pub geometries: Vec<Geometry>,
-    /// Whether the document's mesh holds nothing but these geometries, with no triangle dropped.
-    pub whole: bool,
+    /// Whether triangles of the document's mesh were dropped, so that it must not be written as it is. Points and lines
+    /// beside the triangles are no reason: they stay in the document's mesh.
+    pub dropped: bool,
 }
 
 /// Triangles with one material, in the coordinates of their mesh.

@@ -11,7 +11,7 @@ pub(super) type Parts = (Option<u32>, Vec<Vec3>, Vec<[u32; 3]>);
 
 /// A mesh of geometries.
 pub(super) fn mesh(source: u32, geometries: Vec<Parts>) -> Mesh {
-    let mut mesh = Mesh { name: format!("mesh {source}"), source, whole: true, ..Mesh::default() };
+    let mut mesh = Mesh { name: format!("mesh {source}"), source, ..Mesh::default() };
     for (primitive, (material, positions, triangles)) in (0..).zip(geometries) {
         let first_triangle = mesh.triangle_count() as u32;
         mesh.geometries.push(Geometry {
