@@ -7,7 +7,7 @@
 //! | --- | --- | --- |
 //! | emptied node | `moved_to` | nodes that show its triangles now |
 //! | emptied node | `mesh` | name and extras of the mesh it placed |
-//! | new child node | `source.node` | the input's node it stands for |
+//! | new child node, renumbered node | `source.node` | the input's node it stands for |
 //! | primitive left as it is | `source` | mesh and primitive of the input |
 //! | rewritten primitive | `provenance` | see [`Provenance`](raykiln_formats::contents::Provenance) |
 
@@ -55,6 +55,7 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, prune: bool) -> Emit
 
     let mut document = doc.clone();
     let mut notes = Vec::new();
+    primitive::forget_sources(&mut document);
     primitive::mark_untouched(&mut document, scene);
     let meshes: Vec<usize> = layout
         .groups
@@ -67,7 +68,7 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, prune: bool) -> Emit
         })
         .collect();
     nodes::place(&mut document, scene, layout, &meshes);
-    let pruned_nodes = if prune { prune::drop_empty_nodes(&mut document, &mut notes) } else { 0 };
+    let pruned_nodes = if prune { prune::drop_empty_nodes(&mut document, scene.nodes, &mut notes) } else { 0 };
     if let Some(extension) = document.compact().held_by {
         notes.push(format!("unused data stays in the file: the extension {extension} may refer to it"));
     }

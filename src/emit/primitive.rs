@@ -15,6 +15,19 @@ pub(super) fn raykiln_extras(object: &mut Value) -> Option<&mut Map<String, Valu
     extras.as_object_mut()?.entry("raykiln").or_insert_with(|| json!({})).as_object_mut()
 }
 
+/// Takes off what an earlier bake recorded of the nodes it was made from: this bake's input is that bake's output.
+pub(super) fn forget_sources(document: &mut Document) {
+    let nodes = document.json.get_mut("nodes").and_then(Value::as_array_mut);
+    for node in nodes.into_iter().flatten().filter_map(Value::as_object_mut) {
+        if let Some(extras) = node.get_mut("extras").and_then(Value::as_object_mut) {
+            remove_key(extras, "raykiln", "source");
+            if extras.is_empty() {
+                node.shift_remove("extras");
+            }
+        }
+    }
+}
+
 /// Records on every primitive of the scene that it is the input's primitive. Those that a layout rewrites vanish
 /// with their mesh; the others keep the record when meshes are renumbered.
 pub(super) fn mark_untouched(document: &mut Document, scene: &Scene) {

@@ -3,14 +3,21 @@
 use raykiln_formats::Document;
 use serde_json::{Value, json};
 
+use super::primitive::raykiln_extras;
+
 /// Extensions of a document that refer to no node from outside the nodes.
 const NODE_FREE: [&str; 4] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_mesh_quantization"];
 
 /// Drops nodes without mesh, camera, skin, extension or remaining child that no animation and no skin refers to, and
-/// renumbers the rest. Returns how many went; none where an extension may refer to nodes in ways unknown here.
-pub(super) fn drop_empty_nodes(document: &mut Document, notes: &mut Vec<String>) -> usize {
+/// renumbers the rest; of the first `input_nodes`, those that place a mesh then say which node of the input they are.
+/// Returns how many went; none where an extension may refer to nodes in ways unknown here.
+pub(super) fn drop_empty_nodes(document: &mut Document, input_nodes: usize, notes: &mut Vec<String>) -> usize {
     if let Some(extension) = node_referring_extension(&document.json) {
         notes.push(format!("no node was pruned: the extension {extension} may refer to it"));
+        return 0;
+    }
+    if elements(&mut document.json, "nodes").any(|n| n.get("extras").is_some_and(|e| !e.is_object())) {
+        notes.push("no node was pruned: the extras of a node leave no room to record its old number".into());
         return 0;
     }
     let needed = needed(&document.json);
@@ -22,6 +29,7 @@ pub(super) fn drop_empty_nodes(document: &mut Document, notes: &mut Vec<String>)
     let renumbered: Vec<Option<usize>> = needed.iter().map(|&keep| keep.then(&mut number)).collect();
     let pruned = needed.len() - next;
     if pruned > 0 {
+        record_numbers(&mut document.json, &renumbered[..input_nodes.min(renumbered.len())]);
         renumber(&mut document.json, &renumbered);
     }
     pruned
@@ -76,6 +84,16 @@ fn index(value: &Value) -> Option<usize> {
 
 fn indices(list: &Value) -> impl Iterator<Item = usize> {
     list.as_array().into_iter().flatten().filter_map(index)
+}
+
+/// Records the present number of nodes that will have another one and that place a mesh.
+fn record_numbers(json: &mut Value, renumbered: &[Option<usize>]) {
+    for (old, (node, new)) in elements(json, "nodes").zip(renumbered).enumerate() {
+        let moves = new.is_some_and(|new| new != old) && node.get("mesh").is_some();
+        if let Some(raykiln) = moves.then(|| raykiln_extras(node)).flatten() {
+            raykiln.insert("source".into(), json!({ "node": old }));
+        }
+    }
 }
 
 /// The elements of an array property, if it is there.

@@ -219,6 +219,28 @@ fn pruning_drops_emptied_nodes_but_none_that_something_refers_to() {
 }
 
 #[test]
+fn renumbered_nodes_say_which_node_of_the_input_they_are() {
+    let mut doc = two_nodes();
+    doc.json["nodes"][0] = json!({"name": "empty"});
+    let scene = load(&doc);
+    let kept = Layout {
+        groups: vec![Group { name: "quad".into(), content: Content::Kept(MeshId(0)) }],
+        placements: vec![Placement {
+            group: 0,
+            instance: Some(InstanceId(0)),
+            transform: scene.instances[0].transform,
+        }],
+        notes: Vec::new(),
+    };
+    let emitted = emit(&doc, &scene, &kept, true);
+    assert_eq!(emitted.pruned_nodes, 1);
+    let after = load(&emitted.document);
+    assert_eq!((after.instances[0].node, after.instances[0].source_node), (0, 1));
+    let again = load(&emit(&emitted.document, &after, &kept, false).document);
+    assert_eq!(again.instances[0].source_node, 0, "an earlier bake's record does not outlive the next bake");
+}
+
+#[test]
 fn far_groups_are_stored_around_their_centre() {
     let doc = document(json!([{"mesh": 0, "translation": [10000000.5, 0.25, 0]}]), json!({"primitives": [surface(0)]}));
     let scene = load(&doc);
