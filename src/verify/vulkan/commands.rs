@@ -31,9 +31,10 @@ impl Queue {
             })
         };
         match made {
-            // SAFETY: the device was created with one queue of the family.
             Ok((buffer, done)) => {
-                Ok(Queue { queue: unsafe { device.get_device_queue(family, 0) }, pool, buffer, done })
+                // SAFETY: the device was created with one queue of the family.
+                let queue = unsafe { device.get_device_queue(family, 0) };
+                Ok(Queue { queue, pool, buffer, done })
             }
             Err(e) => {
                 // SAFETY: the pool takes its command buffer along.

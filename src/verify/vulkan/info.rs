@@ -13,7 +13,7 @@ pub(super) const NEEDED: [&CStr; 3] =
 
 /// Words by which the names of extensions that concern ray tracing are known.
 const RAY_TRACING_WORDS: [&str; 5] =
-    ["acceleration_structure", "ray_", "deferred_host_operations", "micromap", "shader_invocation_reorder"];
+    ["acceleration_structure", "_ray_", "deferred_host_operations", "micromap", "shader_invocation_reorder"];
 
 /// A Vulkan device.
 #[derive(Clone, Debug)]
