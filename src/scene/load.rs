@@ -207,7 +207,7 @@ fn is_singular(transform: &DAffine3) -> bool {
     let inverse = transform.inverse();
     let invertible = inverse.to_cols_array().iter().all(|c| (*c as f32).is_finite());
     // NaN, from axes of no length or an overflow, counts as flat.
-    !(flatness > 1e-9) || !invertible
+    flatness.is_nan() || flatness <= 1e-9 || !invertible
 }
 
 /// Pins all copies of a node as soon as one is pinned.

@@ -175,7 +175,7 @@ pub(crate) fn check(document: &Document) {
         let view = &json["bufferViews"][index(&accessor["bufferView"])];
         let (size, components) = layout(accessor);
         let end = size_of(&accessor["byteOffset"]) + size_of(&accessor["count"]) * size * components;
-        assert!(end <= size_of(&view["byteLength"]) && size_of(&accessor["byteOffset"]) % size == 0);
+        assert!(end <= size_of(&view["byteLength"]) && size_of(&accessor["byteOffset"]).is_multiple_of(size));
         assert!(size_of(&accessor["count"]) > 0);
     }
     for (mesh, value) in list(json, "meshes").iter().enumerate() {
