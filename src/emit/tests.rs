@@ -1,5 +1,7 @@
 //! Layouts written by hand, made into documents and read back.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use glam::{DAffine3, DVec3, dvec3};
 use raykiln_formats::Document;
 use raykiln_formats::document::Kind;
@@ -152,7 +154,7 @@ fn provenance_names_node_mesh_primitive_and_triangles() {
 #[test]
 fn normals_and_tangents_turn_with_their_instance() {
     let doc = document(
-        json!([{"mesh": 0, "rotation": [0.0, 0.7071067811865476, 0.0, 0.7071067811865476], "scale": [1, 1, 5]}]),
+        json!([{"mesh": 0, "rotation": [0.0, FRAC_1_SQRT_2, 0.0, FRAC_1_SQRT_2], "scale": [1, 1, 5]}]),
         json!({"primitives": [surface(0)]}),
     );
     let scene = load(&doc);
