@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{BakeOptions, measure_as_is};
+use super::BakeOptions;
 use crate::cost::{self, Metrics};
 use crate::emit;
 use crate::layout::{self, Layout, Method};
@@ -52,18 +52,9 @@ pub(super) fn choose(scene: &mut Scene, before: &Metrics, options: &BakeOptions,
         Choice::Auto => auto_options(options),
         Choice::Method(_) => options.layout.clone(),
     };
-    let start = Instant::now();
     let (layout, passes) = lay_out(scene, method, &layout_options, limit);
-    let mut chosen = Chosen {
-        report: MethodReport { requested: options.method.name(), chosen: method.name(), reason, candidates },
-        layout,
-        passes,
-    };
-    if chosen.report.candidates.is_empty() {
-        let candidate = candidate(scene, method, &chosen.layout, start);
-        chosen.report.candidates.push(candidate);
-    }
-    chosen
+    let report = MethodReport { requested: options.method.name(), chosen: method.name(), reason, candidates };
+    Chosen { layout, report, passes }
 }
 
 fn auto_options(options: &BakeOptions) -> layout::Options {
@@ -78,7 +69,8 @@ fn cheapest(scene: &Scene, before: &Metrics, options: &layout::Options) -> (Meth
         .map(|method| {
             let start = Instant::now();
             let layout = layout::run(method, scene, options);
-            (method, candidate(scene, method, &layout, start))
+            let metrics = if emit::is_unchanged(&layout) { before.clone() } else { cost::measure(scene, &layout) };
+            (method, Candidate::new(method.name(), &metrics, start.elapsed().as_secs_f64()))
         })
         .collect();
     let worth = |c: &Candidate| c.predicted_cost < WORTH_A_CHANGE * before.two_level_cost;
@@ -92,18 +84,6 @@ fn cheapest(scene: &Scene, before: &Metrics, options: &layout::Options) -> (Meth
         _ => format!("least predicted cost: {cost:.2} against {:.2} of the input", before.two_level_cost),
     };
     (method, candidates.into_iter().map(|(_, c)| c).collect(), reason)
-}
-
-fn candidate(scene: &Scene, method: Method, layout: &Layout, start: Instant) -> Candidate {
-    let metrics = if emit::is_unchanged(layout) { measure_as_is(scene) } else { cost::measure(scene, layout) };
-    Candidate {
-        name: method.name(),
-        predicted_cost: metrics.two_level_cost,
-        measured_mrays_per_s: None,
-        as_bytes: metrics.blas_bytes.saturating_add(metrics.tlas_bytes),
-        position_error_ratio: None,
-        seconds: start.elapsed().as_secs_f64(),
-    }
 }
 
 /// Runs a method, keeps its rounding within the limit and puts its triangles in tree order.

@@ -4,6 +4,7 @@ mod choose;
 mod clock;
 
 use std::path::Path;
+use std::time::Instant;
 
 pub use choose::Choice;
 pub use clock::Stage;
@@ -65,13 +66,15 @@ pub fn bake(
     let before = measure_as_is(&scene);
     clock.enter(Stage::Optimise);
     let limit = options.verify.max_position_error_ratio * scene.bounds().diagonal();
+    let optimising = Instant::now();
     let chosen = choose::choose(&mut scene, &before, options, limit);
+    let seconds = optimising.elapsed().as_secs_f64();
     clock.enter(Stage::Write);
     let written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
     clock.enter(Stage::Verify);
     let (after_scene, verification) = verify_staged(&scene, written.staged.path(), &options.verify)?;
     clock.enter(Stage::Analyse);
-    let after = measure_as_is(&after_scene);
+    let after = if written.unchanged { before.clone() } else { measure_as_is(&after_scene) };
 
     let mut report = BakeReport {
         schema: report::SCHEMA,
@@ -79,9 +82,9 @@ pub fn bake(
         input: Input::of(input.to_owned(), &scene),
         output: output.to_owned(),
         before,
-        after,
         verdict: verdict(&verification, written.unchanged),
-        method: chosen.report.with_error(verification.position_error_ratio),
+        method: chosen.report.with_written(&after, verification.position_error_ratio, seconds),
+        after,
         passes: [chosen.passes, written.passes].concat(),
         verify: verification,
         seconds: Seconds::default(),
@@ -124,7 +127,7 @@ fn write(
     output: &Path,
     prune: bool,
 ) -> Result<Written, raykiln_formats::Error> {
-    let start = std::time::Instant::now();
+    let start = Instant::now();
     let regrouped = !emit::is_unchanged(layout);
     let emitted = (regrouped || prune).then(|| emit::emit(doc, scene, layout, prune));
     let pruned = emitted.as_ref().map_or(0, |e| e.pruned_nodes);

@@ -203,12 +203,30 @@ pub enum Severity {
 }
 
 impl MethodReport {
-    /// Completes the entry of the candidate that was written.
-    pub fn with_error(mut self, position_error_ratio: f64) -> Self {
+    /// Completes the entry of the candidate that was written, of which more is known now. A method that was asked for
+    /// has none before: it is not costed until it is written.
+    pub fn with_written(mut self, after: &Metrics, position_error_ratio: f64, seconds: f64) -> Self {
+        if self.candidates.is_empty() {
+            self.candidates.push(Candidate::new(self.chosen, after, seconds));
+        }
         if let Some(candidate) = self.candidates.iter_mut().find(|c| c.name == self.chosen) {
             candidate.position_error_ratio = Some(position_error_ratio);
         }
         self
+    }
+}
+
+impl Candidate {
+    /// A layout that was laid out and costed in so many seconds, but not written.
+    pub fn new(name: &'static str, metrics: &Metrics, seconds: f64) -> Self {
+        Candidate {
+            name,
+            predicted_cost: metrics.two_level_cost,
+            measured_mrays_per_s: None,
+            as_bytes: metrics.blas_bytes.saturating_add(metrics.tlas_bytes),
+            position_error_ratio: None,
+            seconds,
+        }
     }
 }
 
