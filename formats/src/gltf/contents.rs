@@ -1,6 +1,7 @@
 //! From JSON to [`Contents`], with every check.
 
 use rayon::prelude::*;
+use serde_json::Value;
 
 use super::accessor::Accessor;
 use super::animation::mark_animated;
@@ -24,8 +25,27 @@ pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents,
     Ok(Contents { nodes, roots, meshes, materials, cameras, warnings })
 }
 
+/// Positions that may be read, counting an accessor for each primitive that uses it: 12 GiB of them.
+const MOST_POSITIONS: u64 = 1 << 30;
+
+/// Refuses files whose primitives share their vertices so widely that a small file would fill the memory.
+fn check_positions(doc: &Document) -> Result<(), Error> {
+    let meshes = doc.json.get("meshes").and_then(Value::as_array).into_iter().flatten();
+    let primitives = meshes.flat_map(|m| m["primitives"].as_array().into_iter().flatten());
+    let positions = primitives.filter_map(|p| p["attributes"]["POSITION"].as_u64());
+    let total = positions
+        .filter_map(|accessor| doc.json["accessors"][usize::try_from(accessor).ok()?]["count"].as_u64())
+        .fold(0, u64::saturating_add);
+    if total > MOST_POSITIONS {
+        let cause = format_args!("the primitives have {total} vertices in all; at most {MOST_POSITIONS} can be read");
+        return Err(Error::at(&doc.path, "meshes", cause));
+    }
+    Ok(())
+}
+
 /// All meshes, read in parallel; the first error in file order counts.
 fn meshes(doc: &Document, options: ReadOptions, warnings: &mut Vec<Warning>) -> Result<Vec<Mesh>, Error> {
+    check_positions(doc)?;
     let places: Vec<At<'_>> = At::root(doc).list("meshes")?.collect();
     let read: Vec<_> = places.par_iter().map(|at| primitive::mesh(doc, at, options)).collect();
     let mut meshes = Vec::with_capacity(read.len());

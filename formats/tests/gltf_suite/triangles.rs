@@ -227,3 +227,14 @@ fn materials_of_primitives_exist() {
     doc.json["materials"] = json!([{}]);
     assert_eq!(contents(&doc).meshes[0].primitives[0].material, Some(0));
 }
+
+#[test]
+fn vertices_shared_too_widely_are_refused_before_any_is_read() {
+    let mut doc = triangle();
+    doc.json["accessors"][0]["count"] = 2_000_000.into();
+    let primitive = doc.json["meshes"][0]["primitives"][0].clone();
+    doc.json["meshes"][0]["primitives"] = vec![primitive; 1000].into();
+    let error = refusal(&doc);
+    assert_eq!(error.place, "meshes");
+    assert!(error.cause.contains("2000000000 vertices in all"), "{}", error.cause);
+}
