@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The test command: formatting, lints, documentation and every test, from a fresh checkout on. Needs cargo with the
-# components rustfmt and clippy; installs Node.js (with apt-get, where it is missing) and, below target/, the Khronos
-# glTF validator. Runs every step even when one fails; exit status 0 only if all succeeded.
+# components rustfmt and clippy; installs (with apt-get, where they are missing) Node.js and a software driver of Vulkan
+# that traces rays, and, below target/, the Khronos glTF validator. Runs every step even when one fails; exit status 0 only if all succeeded.
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
 
@@ -29,7 +29,7 @@ install_validator() {
 }
 
 set_up() {
-  install_node && install_validator && node --version
+  install_node && install_validator && node --version && sh tests/install_vulkan.sh
 }
 
 step "set-up" set_up

@@ -17,7 +17,7 @@ use crate::emit;
 use crate::layout::{self, Layout, Method};
 use crate::report::{self, BakeReport, Input, Pass, Seconds, Verdict};
 use crate::scene::{self, LoadOptions, Scene};
-use crate::verify::{self, Verification, VerifyOptions};
+use crate::verify::{DeviceError, Machine, Verification, VerifyOptions};
 use clock::Clock;
 
 /// What a bake may be told.
@@ -41,6 +41,9 @@ pub enum BakeError {
     /// The input cannot be read, or the output cannot be written.
     #[error(transparent)]
     File(#[from] raykiln_formats::Error),
+    /// The device named to verify on cannot do it.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
     /// Raykiln made something it must not make.
     #[error("internal error, please report it: {0}")]
     Internal(String),
@@ -49,7 +52,7 @@ pub enum BakeError {
 /// Bakes `input` into `output`. On a failed verification the report says so and there is no output.
 ///
 /// # Errors
-/// An input that cannot be read, an output that cannot be written; then there is no output either.
+/// An input that cannot be read, an output that cannot be written, a device named that cannot trace; then there is no output either.
 pub fn bake(
     input: &Path,
     output: &Path,
@@ -57,6 +60,8 @@ pub fn bake(
     progress: &mut dyn FnMut(Stage),
 ) -> Result<BakeReport, BakeError> {
     let mut clock = Clock::start(progress);
+    clock.enter(Stage::Verify);
+    let machine = Machine::open(&options.verify.device)?;
     clock.enter(Stage::Read);
     let doc = raykiln_formats::read(input)?;
     let (mut scene, scene_warnings) = scene::load(&doc, &options.load)?;
@@ -72,10 +77,11 @@ pub fn bake(
     clock.enter(Stage::Write);
     let written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
     clock.enter(Stage::Verify);
-    let (after_scene, verification) = verify_staged(&scene, written.staged.path(), &options.verify)?;
+    let (after_scene, verification) = verify_staged(&scene, written.staged.path(), &machine, &options.verify)?;
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_as_is(&after_scene) };
 
+    let notes = [chosen.layout.notes, written.notes, verification.notes.clone()].concat();
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -91,7 +97,7 @@ pub fn bake(
         peak_memory_bytes: None,
         output_bytes: written.staged.bytes(),
         warnings: words(&[&doc.warnings, &scene_warnings, &written.staged.warnings]),
-        notes: [chosen.layout.notes, written.notes].concat(),
+        notes,
     };
     clock.enter(Stage::Write);
     if report.verdict != Verdict::Failed {
@@ -149,10 +155,11 @@ fn write(
 fn verify_staged(
     before: &Scene,
     staged: &Path,
+    machine: &Machine,
     options: &VerifyOptions,
-) -> Result<(Scene, Verification), raykiln_formats::Error> {
+) -> Result<(Scene, Verification), BakeError> {
     let (after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
-    let verification = verify::verify(before, &after, options);
+    let verification = machine.verify(before, &after, options)?;
     Ok((after, verification))
 }
 

@@ -3,13 +3,14 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::bake::{BakeOptions, Choice};
 use crate::layout::{self, Method};
 use crate::scene::LoadOptions;
-use crate::verify::VerifyOptions;
+use crate::verify::build::{BlasPer, BuildOptions, Prefer};
+use crate::verify::{DeviceChoice, VerifyOptions};
 
 /// Bakes scenes for hardware ray tracing: decides which triangles share a bottom-level acceleration structure
 /// (BLAS), writes glTF whose meshes, primitives and nodes say so, and proves that the result shows the same surfaces.
@@ -42,6 +43,12 @@ pub(super) enum Command {
     Bake(Box<BakeArguments>),
     /// Show what a scene is made of, what it costs, and which vendor rules it breaks
     Inspect(InspectArguments),
+    /// List the Vulkan devices, what they can do and what they lack to trace rays
+    Devices {
+        /// Print JSON instead of text
+        #[arg(long)]
+        json: bool,
+    },
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -66,9 +73,6 @@ pub(super) struct BakeArguments {
     /// How to decide which triangles share a BLAS
     #[arg(long, value_enum, default_value_t = MethodArgument::Auto)]
     method: MethodArgument,
-    /// Where to trace rays: `auto` or `cpu`
-    #[arg(long, default_value = "auto", value_name = "DEVICE")]
-    device: String,
     /// Also write a report to FILE (.json); may be repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
@@ -123,9 +127,14 @@ struct LayoutArguments {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Verification options")]
 struct VerifyArguments {
+    /// Where to trace rays: `auto` (a GPU if there is one, else the CPU), `cpu`, or a Vulkan device by its index or a
+    /// part of its name (see `raykiln devices`)
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    device: String,
     /// Rays of each kind to trace through both files
-    #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().rays_per_kind)]
-    rays: u32,
+    /// [default: 16384 compared; as many timed, but 3686400 on a GPU]
+    #[arg(long, value_name = "N")]
+    rays: Option<u32>,
     /// How often to repeat the timing of each kind
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().repeats)]
     repeats: u32,
@@ -135,6 +144,36 @@ struct VerifyArguments {
     /// Largest distance a vertex may move, over the scene's diagonal
     #[arg(long, value_name = "RATIO", default_value_t = VerifyOptions::default().max_position_error_ratio, value_parser = ratio)]
     max_position_error_ratio: f64,
+    /// What a Vulkan driver favours when it builds acceleration structures
+    #[arg(long, value_enum, value_name = "FLAGS", default_value_t = PreferArgument::FastTrace)]
+    build_flags: PreferArgument,
+    /// Build structures that can be refitted
+    #[arg(long)]
+    allow_update: bool,
+    /// Compact BLASes
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    compact: bool,
+    /// What goes into one BLAS
+    #[arg(long, value_enum, value_name = "PART", default_value_t = BlasPerArgument::Mesh)]
+    blas_per: BlasPerArgument,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PreferArgument {
+    /// Rays per second
+    FastTrace,
+    /// Build time
+    FastBuild,
+    /// Neither
+    None,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BlasPerArgument {
+    /// All geometries of a mesh
+    Mesh,
+    /// Each geometry by itself, as some renderers do
+    Primitive,
 }
 
 #[derive(Debug, Args)]
@@ -191,9 +230,6 @@ fn ratio(text: &str) -> Result<f64, String> {
 impl BakeArguments {
     /// What the library needs to know.
     pub(super) fn options(&self) -> Result<BakeOptions> {
-        if !["auto", "cpu"].contains(&self.device.as_str()) {
-            bail!("--device {}: this version traces on the CPU only; use `auto` or `cpu`", self.device);
-        }
         let l = &self.layout;
         Ok(BakeOptions {
             method: self.method.into(),
@@ -209,13 +245,36 @@ impl BakeArguments {
             },
             load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
             prune: self.prune,
-            verify: VerifyOptions {
-                rays_per_kind: self.verify.rays,
-                repeats: self.verify.repeats,
-                seed: self.verify.seed,
-                max_position_error_ratio: self.verify.max_position_error_ratio,
-                ..VerifyOptions::default()
-            },
+            verify: self.verify.options(),
         })
+    }
+}
+
+impl VerifyArguments {
+    /// What the library needs to know.
+    fn options(&self) -> VerifyOptions {
+        let default = VerifyOptions::default();
+        VerifyOptions {
+            device: DeviceChoice::from(self.device.as_str()),
+            build: BuildOptions {
+                prefer: match self.build_flags {
+                    PreferArgument::FastTrace => Prefer::FastTrace,
+                    PreferArgument::FastBuild => Prefer::FastBuild,
+                    PreferArgument::None => Prefer::None,
+                },
+                allow_update: self.allow_update,
+                compact: self.compact,
+                blas_per: match self.blas_per {
+                    BlasPerArgument::Mesh => BlasPer::Mesh,
+                    BlasPerArgument::Primitive => BlasPer::Primitive,
+                },
+            },
+            rays_per_kind: self.rays.unwrap_or(default.rays_per_kind),
+            timed_rays_per_kind: self.rays,
+            repeats: self.repeats,
+            seed: self.seed,
+            max_position_error_ratio: self.max_position_error_ratio,
+            ..default
+        }
     }
 }

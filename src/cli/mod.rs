@@ -46,6 +46,11 @@ fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
     match &arguments.command {
         Command::Bake(bake) => run_bake(bake, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
+        Command::Devices { json } => {
+            let report = report::DevicesReport::of_this_machine();
+            let text = if *json { report::json::to_json(&report) } else { report::text::devices(&report) };
+            print(text.as_bytes())
+        }
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Arguments::command(), "raykiln", &mut script);

@@ -2,8 +2,10 @@
 
 use std::fmt::Write;
 
-use super::{BakeReport, Finding, Input, InspectReport, Severity, Verdict};
+use super::{BakeReport, Device, DevicesReport, Finding, Input, InspectReport, Severity, Verdict};
 use crate::cost::Metrics;
+use crate::verify::Verification;
+use crate::verify::build::Pair;
 
 /// Warnings and notes that are shown without `-v`.
 const FEW: usize = 3;
@@ -32,8 +34,9 @@ pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
     text.push('\n');
     text += &table(&["", "before", "after"], &comparison(report));
     text.push('\n');
-    text += &rays(report);
-    text += &errors(report);
+    text += &structures(&report.verify);
+    text += &rays(&report.verify);
+    text += &errors(&report.verify);
     text += &seconds(report);
     let _ = writeln!(text, "\nverdict: {}", verdict(report.verdict));
     text
@@ -61,6 +64,36 @@ pub fn inspect(report: &InspectReport) -> String {
     } else {
         text += "\nfindings\n";
         text += &report.findings.iter().map(finding).collect::<String>();
+    }
+    text
+}
+
+/// A list of devices as text.
+pub fn devices(report: &DevicesReport) -> String {
+    let mut text: String = report.devices.iter().map(device).collect();
+    text.extend(report.note.iter().map(|why| format!("{why}\n")));
+    text
+}
+
+fn device(d: &Device) -> String {
+    let kind = if d.is_software { ", software" } else { "" };
+    let mut text = format!("{}: {} ({}, Vulkan {}{kind})\n", d.index, d.name, d.driver, d.vulkan_version);
+    let able =
+        if d.can_trace { "traces rays".to_owned() } else { format!("no ray tracing: lacks {}", d.missing.join(", ")) };
+    let _ = writeln!(text, "   {able}; memory {}", bytes(d.memory_bytes));
+    if let Some(limits) = d.limits {
+        let _ = writeln!(
+            text,
+            "   at most {} instances, {} geometries and {} triangles a BLAS, {} an allocation, {} rays a launch",
+            grouped(limits.instances),
+            grouped(limits.geometries),
+            grouped(limits.primitives),
+            bytes(limits.max_allocation_bytes),
+            grouped(limits.rays_per_launch),
+        );
+    }
+    if !d.extensions.is_empty() {
+        let _ = writeln!(text, "   {}", d.extensions.join(" "));
     }
     text
 }
@@ -137,9 +170,8 @@ fn metric_rows(m: &Metrics) -> [(&'static str, String); 10] {
     ]
 }
 
-fn rays(report: &BakeReport) -> String {
-    let rows: Vec<Vec<String>> = report
-        .verify
+fn rays(verify: &Verification) -> String {
+    let rows: Vec<Vec<String>> = verify
         .kinds
         .named()
         .into_iter()
@@ -148,25 +180,49 @@ fn rays(report: &BakeReport) -> String {
                 name.into(),
                 format!("{:.2}", k.before_mrays_per_s),
                 format!("{:.2}", k.after_mrays_per_s),
-                format!("{:.2} +- {:.2}", k.speedup_ratio, k.spread_ratio),
+                match k.differs() {
+                    true => format!("{:.2} +- {:.2}", k.speedup_ratio, k.spread_ratio),
+                    false => format!("no difference (+- {:.2})", k.spread_ratio),
+                },
             ]
         })
         .collect();
-    let heading = format!("Mrays/s on {}", report.verify.device);
+    let heading = format!("Mrays/s on {}", verify.device);
     table(&[&heading, "before", "after", "ratio"], &rows)
 }
 
-fn errors(report: &BakeReport) -> String {
-    let v = &report.verify;
+/// What the device built; nothing on the CPU.
+fn structures(verify: &Verification) -> String {
+    let Some(s) = &verify.structures else { return String::new() };
+    let row = |name: &str, [before, after]: [String; 2]| vec![name.to_owned(), before, after];
+    let of_bytes = |pair: Pair<u64>| [bytes(pair.before), bytes(pair.after)];
+    let ms = |pair: Pair<f64>| [format!("{:.2} ms", pair.before), format!("{:.2} ms", pair.after)];
+    let count = |pair: Pair<u64>| [grouped(pair.before), grouped(pair.after)];
+    let mut rows = vec![row("BLASes", count(s.blases)), row("BLAS bytes as built", of_bytes(s.blas_bytes))];
+    rows.extend(s.blas_bytes_compacted.map(|pair| row("BLAS bytes compacted", of_bytes(pair))));
+    rows.extend([
+        row("TLAS instances", count(s.tlas_instances)),
+        row("TLAS bytes", of_bytes(s.tlas_bytes)),
+        row("BLAS build", ms(s.blas_build_ms)),
+        row("TLAS build", ms(s.tlas_build_ms)),
+        row("any-hit invocations", count(s.any_hit_invocations)),
+    ]);
+    format!("{}\n", table(&["on the device", "before", "after"], &rows))
+}
+
+fn errors(v: &Verification) -> String {
+    let position = match v.position_error_ratio.is_nan() {
+        true => String::new(),
+        false => format!(", position error {:.1e} of the diagonal", v.position_error_ratio),
+    };
     format!(
-        "{} rays, {} hits, {} mismatches, {} far hits; distance error at most {:.1e} (rms {:.1e}), position error {:.1e} of the diagonal\n",
+        "{} rays, {} hits, {} mismatches, {} far hits; distance error at most {:.1e} (rms {:.1e}){position}\n",
         grouped(v.rays),
         grouped(v.hits),
         grouped(v.mismatches),
         grouped(v.far_hits),
         v.max_relative_distance_error,
         v.rms_relative_distance_error,
-        v.position_error_ratio,
     )
 }
 

@@ -34,21 +34,24 @@ impl Approach {
         let depth = relative.map(|p| p.dot(ahead));
         let opposite = [flat[1].perp_dot(flat[2]), flat[2].perp_dot(flat[0]), flat[0].perp_dot(flat[1])];
         let area = opposite[0] + opposite[1] + opposite[2];
-        let through = area != 0.0 && (opposite.iter().all(|&o| o >= 0.0) || opposite.iter().all(|&o| o <= 0.0));
         let (to_edge, edge_depth) = SIDES
             .map(|(a, b)| pass_edge([flat[a], flat[b]], [depth[a], depth[b]]))
             .into_iter()
             .fold((f64::INFINITY, depth[0]), |best, edge| if edge.0 < best.0 { edge } else { best });
+        let longest = SIDES.map(|(a, b)| flat[a].distance(flat[b])).into_iter().fold(0.0, f64::max);
+        let height = if longest > 0.0 { area.abs() / longest } else { 0.0 };
+        let inside = opposite.iter().all(|&o| o >= 0.0) || opposite.iter().all(|&o| o <= 0.0);
+        // Edge-on the signs are those of rounding errors; a point inside is nearer to an edge than the height.
+        let through = area != 0.0 && inside && to_edge <= height;
         let inner_depth = (opposite[0] * depth[0] + opposite[1] * depth[1] + opposite[2] * depth[2]) / area;
         let normal = (relative[1] - relative[0]).cross(relative[2] - relative[0]);
-        let longest = SIDES.map(|(a, b)| flat[a].distance(flat[b])).into_iter().fold(0.0, f64::max);
         let size = SIDES.map(|(a, b)| corners[a].distance(corners[b])).into_iter().fold(0.0, f64::max);
         Approach {
             through,
             to_edge,
             distance: if through { inner_depth } else { edge_depth },
             size,
-            height: if longest > 0.0 { area.abs() / longest } else { 0.0 },
+            height,
             front: normal.dot(ahead) < 0.0,
         }
     }

@@ -1,11 +1,14 @@
 //! Proves that a written file shows what the input shows.
 //!
 //! [`structure`] compares the two scenes triangle by triangle, exactly; [`compare`] compares what rays see of them;
-//! [`verdict`] states the rules. Rays, comparison and verdict know no tracer but the trait [`Tracer`].
+//! [`verdict`] states the rules. Rays, comparison and verdict know no tracer but the trait [`Tracer`]; [`device`] decides
+//! which one traces.
 
 pub mod approach;
+pub mod build;
 pub mod compare;
 pub mod cpu;
+pub mod device;
 pub mod identity;
 mod random;
 pub mod rays;
@@ -16,18 +19,18 @@ pub mod structure;
 mod test_scenes;
 #[cfg(test)]
 mod tests;
+mod tracing;
 pub mod verdict;
 pub mod view;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
 
-use std::time::Instant;
-
-use compare::{Comparison, Tally};
+use build::BuildOptions;
+use compare::Comparison;
 use cpu::{CpuTracer, Reference, TwoLevel};
+pub use device::{DeviceChoice, DeviceError, Machine};
 use identity::Identity;
-use rays::{Ray, RayKind};
-use speed::Kinds;
+pub use tracing::{Pace, Tracer};
 pub use verdict::Verification;
 
 use crate::scene::Scene;
@@ -35,8 +38,14 @@ use crate::scene::Scene;
 /// How to verify.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VerifyOptions {
-    /// Rays of each of the four kinds.
+    /// Where to trace; [`Machine::open`] reads it, and nothing else does.
+    pub device: DeviceChoice,
+    /// How a device builds its acceleration structures.
+    pub build: BuildOptions,
+    /// Rays of each of the four kinds that are compared.
     pub rays_per_kind: u32,
+    /// Rays of each kind that are timed; `None` for as many as suit the device ([`Pace::rays`]).
+    pub timed_rays_per_kind: Option<u32>,
     /// Seed of the rays.
     pub seed: u64,
     /// How often each kind is timed; 0 counts as 1.
@@ -50,9 +59,12 @@ pub struct VerifyOptions {
 impl Default for VerifyOptions {
     fn default() -> Self {
         VerifyOptions {
+            device: DeviceChoice::default(),
+            build: BuildOptions::default(),
             rays_per_kind: 16_384,
+            timed_rays_per_kind: None,
             seed: 1,
-            repeats: 3,
+            repeats: 7,
             max_position_error_ratio: 1e-6,
             sample_ratio: 1.0 / 16.0,
         }
@@ -72,66 +84,31 @@ pub struct Hit {
     pub front: bool,
 }
 
-/// Something that traces rays through one scene.
-pub trait Tracer {
-    /// What does the tracing, for the report.
-    fn device(&self) -> String;
-
-    /// The first hit of each ray.
-    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>>;
-
-    /// For each ray whether it hits anything.
-    fn occluded(&self, rays: &[Ray]) -> Vec<bool>;
-
-    /// Seconds to trace rays of a kind: shadow rays until the first hit found, others to the closest.
-    fn seconds(&self, kind: RayKind, rays: &[Ray]) -> f64 {
-        let start = Instant::now();
-        match kind {
-            RayKind::Shadow => drop(std::hint::black_box(self.occluded(rays))),
-            _ => drop(std::hint::black_box(self.closest(rays))),
-        }
-        start.elapsed().as_secs_f64()
-    }
-}
-
 /// Verifies `after`, the file written, against `before`, the input, on the CPU.
 pub fn verify(before: &Scene, after: &Scene, options: &VerifyOptions) -> Verification {
     let (trees_before, trees_after) = rayon::join(|| TwoLevel::build(before), || TwoLevel::build(after));
     let reference = Reference::new(&trees_before);
     let tracers = [CpuTracer::new(&trees_before), CpuTracer::new(&trees_after)];
-    verify_with(before, after, &reference, [&tracers[0], &tracers[1]], options)
+    let Ok(found) = verify_with(before, after, &reference, [&tracers[0], &tracers[1]], options);
+    found
 }
 
 /// Verifies with a tracer through each of the scenes; `reference` is of `before`.
-pub fn verify_with(
+///
+/// # Errors
+/// Those of the tracers.
+pub fn verify_with<T: Tracer>(
     before: &Scene,
     after: &Scene,
     reference: &Reference,
-    tracers: [&dyn Tracer; 2],
+    tracers: [&T; 2],
     options: &VerifyOptions,
-) -> Verification {
+) -> Result<Verification, T::Error> {
     let identity = Identity::new(before, after);
     let structure = structure::compare(&identity, before, after, options.max_position_error_ratio);
     let rays = rays::generate(before, reference, options.rays_per_kind as usize, options.seed);
     let comparison = Comparison::new(&identity, reference, &structure, rays.radius, options);
-    let mut tally = Tally::default();
-    let mut kinds = Kinds::default();
-    for (kind, rays) in RayKind::ALL.into_iter().zip(&rays.kinds) {
-        tally.add(compare_kind(&comparison, kind, rays, tracers));
-        *kinds.of(kind) = speed::measure(kind, rays, tracers, options.repeats);
-    }
-    verdict::judge(tracers[0].device(), rays.view, structure, tally, kinds, options)
-}
-
-/// Traces rays through both scenes and compares what they see.
-fn compare_kind(comparison: &Comparison, kind: RayKind, rays: &[Ray], tracers: [&dyn Tracer; 2]) -> Tally {
-    let [before, after] = tracers.map(|tracer| tracer.closest(rays));
-    let mut tally = comparison.compare(kind, rays, &before, &after);
-    if kind == RayKind::Shadow {
-        for (tracer, closest) in tracers.into_iter().zip([&before, &after]) {
-            let occluded = tracer.occluded(rays);
-            tally.tracer_faults += closest.iter().zip(occluded).filter(|(c, o)| c.is_some() != *o).count() as u64;
-        }
-    }
-    tally
+    let compare = |kind, rays: &[_], [before, after]: [&[_]; 2]| comparison.compare(kind, rays, before, after);
+    let seen = tracing::trace(before, &rays, tracers, options, compare)?;
+    Ok(verdict::judge(seen, Some(structure), options))
 }

@@ -1,6 +1,9 @@
 //! The rays of a verification: four kinds, from the input alone, the same for every tracer and number of threads.
 
+use std::convert::Infallible;
+
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::cpu::{Reference, TrueHit};
 use super::random::Random;
@@ -84,23 +87,40 @@ mod stream {
 /// more. A scene is an interior if at least three quarters of 256 random directions from the middle of its box hit
 /// something, more of them its front than its back.
 pub fn generate(scene: &Scene, reference: &Reference, count: usize, seed: u64) -> Rays {
+    let Ok(rays) = generate_by(scene, |rays| Ok::<_, Infallible>(reference.closest(rays)), count, seed);
+    rays
+}
+
+/// As [`generate`], where `closest` gives what rays hit first, such as a device can tell of millions of them.
+///
+/// # Errors
+/// Those of `closest`.
+pub fn generate_by<E>(
+    scene: &Scene,
+    closest: impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
+    count: usize,
+    seed: u64,
+) -> Result<Rays, E> {
     let bounds = scene.bounds();
     if bounds.is_empty() || scene.triangles_placed() == 0 {
-        return Rays { kinds: Default::default(), view: "nothing to see".into(), radius: 0.0 };
+        return Ok(Rays { kinds: Default::default(), view: "nothing to see".into(), radius: 0.0 });
     }
     let mut stage = Stage::new(bounds);
-    stage.enclosed = is_enclosed(&stage, reference, seed);
-    let maker = Maker { scene, reference, stage, count, seed };
-    let (view, primary, seen) = maker.look();
+    stage.enclosed = is_enclosed(&closest(&probes(&stage, seed))?);
+    let maker = Maker { scene, stage, count, seed };
+    let (view, primary, seen) = maker.look(&closest)?;
     let shadow = maker.rays(|i| maker.shadow(i, &seen));
     let diffuse = maker.rays(|i| maker.diffuse(i, &seen));
     let random = maker.rays(|i| maker.random(i));
-    Rays { kinds: [primary, shadow, diffuse, random], view, radius: stage.radius }
+    Ok(Rays { kinds: [primary, shadow, diffuse, random], view, radius: stage.radius })
 }
 
-fn is_enclosed(stage: &Stage, reference: &Reference, seed: u64) -> bool {
+fn probes(stage: &Stage, seed: u64) -> Vec<Ray> {
     let probe = |i| Ray::endless(stage.center, Random::at(seed, stream::PROBE, i).direction());
-    let hits = reference.closest(&(0..PROBES).map(probe).collect::<Vec<_>>());
+    (0..PROBES).map(probe).collect()
+}
+
+fn is_enclosed(hits: &[Option<TrueHit>]) -> bool {
     let all = hits.iter().flatten().count();
     let front = hits.iter().flatten().filter(|h| h.front).count();
     4 * all >= 3 * PROBES && 2 * front > all
@@ -114,34 +134,36 @@ struct Seen {
 
 struct Maker<'a> {
     scene: &'a Scene,
-    reference: &'a Reference<'a>,
     stage: Stage,
     count: usize,
     seed: u64,
 }
 
 impl Maker<'_> {
-    fn rays(&self, ray: impl Fn(usize) -> Ray) -> Vec<Ray> {
-        (0..self.count).map(ray).collect()
+    fn rays(&self, ray: impl Fn(usize) -> Ray + Sync + Send) -> Vec<Ray> {
+        (0..self.count).into_par_iter().map(ray).collect()
     }
 
     /// The primary rays of the first view that sees enough, and what they see.
-    fn look(&self) -> (String, Vec<Ray>, Vec<Seen>) {
+    fn look<E>(
+        &self,
+        closest: &impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
+    ) -> Result<(String, Vec<Ray>, Vec<Seen>), E> {
         let views = self.scene.cameras.iter().take(1).filter_map(View::of);
         for view in views.chain([View::automatic(&self.stage)]) {
             let rays = self.primary(&view);
-            let seen = self.seen(&rays);
+            let seen = self.seen(&rays, &closest(&rays)?);
             if seen.len() * RAYS_PER_HIT >= self.count && !seen.is_empty() {
-                return (view.name, rays, seen);
+                return Ok((view.name, rays, seen));
             }
         }
-        let targets: Vec<Seen> = (0..self.count).map(|i| self.surface_point(i)).collect();
+        let targets: Vec<Seen> = (0..self.count).into_par_iter().map(|i| self.surface_point(i)).collect();
         let rays = self.rays(|i| {
             let from = self.stage.center + 1.5 * self.stage.radius * self.random_at(stream::SPHERE, i).direction();
             Ray::endless(from, targets[i].point - from)
         });
-        let seen = self.seen(&rays);
-        ("random points around the scene".into(), rays, if seen.is_empty() { targets } else { seen })
+        let seen = self.seen(&rays, &closest(&rays)?);
+        Ok(("random points around the scene".into(), rays, if seen.is_empty() { targets } else { seen }))
     }
 
     fn primary(&self, view: &View) -> Vec<Ray> {
@@ -157,9 +179,9 @@ impl Maker<'_> {
         })
     }
 
-    fn seen(&self, rays: &[Ray]) -> Vec<Seen> {
-        let hits = self.reference.closest(rays);
-        rays.iter().zip(hits).filter_map(|(ray, hit)| hit.map(|hit| self.seen_at(ray, &hit))).collect()
+    fn seen(&self, rays: &[Ray], hits: &[Option<TrueHit>]) -> Vec<Seen> {
+        let seen = |(ray, hit): (&Ray, &Option<TrueHit>)| hit.as_ref().map(|hit| self.seen_at(ray, hit));
+        rays.par_iter().zip(hits).filter_map(seen).collect()
     }
 
     fn seen_at(&self, ray: &Ray, hit: &TrueHit) -> Seen {

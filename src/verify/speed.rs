@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::Tracer;
-use super::rays::{Ray, RayKind};
+use super::rays::RayKind;
 
 /// Speed of one kind of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -16,6 +16,13 @@ pub struct KindSpeed {
     pub speedup_ratio: f64,
     /// Largest less smallest speed over the median, of before or after, whichever is more.
     pub spread_ratio: f64,
+}
+
+impl KindSpeed {
+    /// Whether the speeds differ by more than the spread.
+    pub fn differs(&self) -> bool {
+        (self.speedup_ratio - 1.0).abs() > self.spread_ratio
+    }
 }
 
 impl Default for KindSpeed {
@@ -59,26 +66,51 @@ impl Kinds {
     }
 }
 
-/// Times rays through both scenes, in turns, so that a drift of the machine's speed meets both alike. The rays should
-/// have been traced once before.
-pub fn measure(kind: RayKind, rays: &[Ray], tracers: [&dyn Tracer; 2], repeats: u32) -> KindSpeed {
-    if rays.is_empty() {
-        return KindSpeed::default();
+/// Successive times that differ by less than this share have settled.
+const SETTLED_RATIO: f64 = 0.01;
+
+/// Times `count` rays through both scenes, in turns, so that a drift of the machine's speed meets both alike.
+///
+/// # Errors
+/// Those of the tracers.
+pub fn measure<T: Tracer>(
+    kind: RayKind,
+    count: usize,
+    rays: &T::Rays<'_>,
+    tracers: [&T; 2],
+    repeats: u32,
+) -> Result<KindSpeed, T::Error> {
+    if count == 0 {
+        return Ok(KindSpeed::default());
     }
+    warm_up(kind, rays, tracers)?;
     let mut speeds = [Vec::new(), Vec::new()];
     for _ in 0..repeats.max(1) {
         for (tracer, speeds) in tracers.into_iter().zip(&mut speeds) {
             // A clock that did not advance counts as one nanosecond.
-            speeds.push(rays.len() as f64 / tracer.seconds(kind, rays).max(1e-9) / 1e6);
+            speeds.push(count as f64 / tracer.seconds(kind, rays)?.max(1e-9) / 1e6);
         }
     }
     let [(before, spread_before), (after, spread_after)] = speeds.map(median_and_spread);
-    KindSpeed {
+    Ok(KindSpeed {
         before_mrays_per_s: before,
         after_mrays_per_s: after,
         speedup_ratio: after / before,
         spread_ratio: spread_before.max(spread_after),
+    })
+}
+
+/// Traces until both times settle, or as often as the tracer needs at most.
+fn warm_up<T: Tracer>(kind: RayKind, rays: &T::Rays<'_>, tracers: [&T; 2]) -> Result<(), T::Error> {
+    let mut last = [0.0; 2];
+    for _ in 0..tracers[0].pace().most_warm_ups {
+        let now = [tracers[0].seconds(kind, rays)?, tracers[1].seconds(kind, rays)?];
+        if (0..2).all(|i| (now[i] - last[i]).abs() < SETTLED_RATIO * now[i]) {
+            break;
+        }
+        last = now;
     }
+    Ok(())
 }
 
 /// The median of some positive numbers, and the range they span over the median.
@@ -92,6 +124,13 @@ fn median_and_spread(mut numbers: Vec<f64>) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_lies_within_the_spread_is_no_difference() {
+        let kind = |speedup_ratio| KindSpeed { speedup_ratio, spread_ratio: 0.05, ..KindSpeed::default() };
+        assert!(!kind(1.04).differs() && !kind(0.96).differs());
+        assert!(kind(1.06).differs() && kind(0.94).differs());
+    }
 
     #[test]
     fn the_median_of_an_even_number_is_between_the_middle_two() {

@@ -18,9 +18,11 @@ use std::fmt;
 use serde::Serialize;
 
 use super::VerifyOptions;
+use super::build::Structures;
 use super::compare::Tally;
 use super::speed::Kinds;
 use super::structure::Structure;
+use super::tracing::Seen;
 
 /// What verifying a file found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -52,14 +54,22 @@ pub struct Verification {
     pub before_max_relative_distance_error: f64,
     /// As `rms_relative_distance_error`, of the input's hits.
     pub before_rms_relative_distance_error: f64,
-    /// Largest distance of a corner from its place over the diagonal of the input's box.
+    /// Largest distance of a corner from its place over the diagonal of the input's box; no number (`null` in JSON)
+    /// where only surfaces were compared.
     pub position_error_ratio: f64,
     /// Rays a second.
     pub kinds: Kinds,
-    /// The exact comparison.
-    pub structure: Structure,
+    /// What the device built; `None` on the CPU.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub structures: Option<Structures>,
+    /// The exact comparison; `None` where only surfaces were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub structure: Option<Structure>,
     /// Why the file fails, in words; empty if it passes.
     pub failures: Vec<String>,
+    /// What was done otherwise than asked, such as tracing on the CPU; for the report's own notes.
+    #[serde(skip)]
+    pub notes: Vec<String>,
 }
 
 impl Verification {
@@ -72,25 +82,24 @@ impl Verification {
 impl fmt::Display for Verification {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         if self.passed() {
-            write!(f, "{} triangles and {} rays agree", self.structure.triangles_after, self.rays)
+            match &self.structure {
+                Some(structure) => write!(f, "{} triangles and {} rays agree", structure.triangles_after, self.rays),
+                None => write!(f, "{} rays agree", self.rays),
+            }
         } else {
             f.write_str(&self.failures.join("; "))
         }
     }
 }
 
-/// Applies the rules.
-pub fn judge(
-    device: String,
-    view: String,
-    structure: Structure,
-    tally: Tally,
-    kinds: Kinds,
-    options: &VerifyOptions,
-) -> Verification {
+/// Applies the rules; without a `structure` only what rays saw counts.
+pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOptions) -> Verification {
+    let tally = seen.tally;
+    let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
+    failures.extend(ray_failure(&tally));
     Verification {
-        device,
-        view,
+        device: seen.device,
+        view: seen.view,
         rays: tally.rays,
         hits: tally.hits,
         mismatches: tally.mismatches,
@@ -102,14 +111,16 @@ pub fn judge(
         rms_relative_distance_error: tally.after.rms(),
         before_max_relative_distance_error: tally.before.max,
         before_rms_relative_distance_error: tally.before.rms(),
-        position_error_ratio: structure.position_error_ratio,
-        kinds,
-        failures: failures(&structure, &tally, options),
+        position_error_ratio: structure.as_ref().map_or(f64::NAN, |s| s.position_error_ratio),
+        kinds: seen.kinds,
+        structures: seen.structures,
         structure,
+        failures,
+        notes: Vec::new(),
     }
 }
 
-fn failures(structure: &Structure, tally: &Tally, options: &VerifyOptions) -> Vec<String> {
+fn structure_failures(structure: &Structure, options: &VerifyOptions) -> Vec<String> {
     let mut failures: Vec<String> = structure
         .faults()
         .into_iter()
@@ -126,13 +137,10 @@ fn failures(structure: &Structure, tally: &Tally, options: &VerifyOptions) -> Ve
             structure.position_error_ratio, options.max_position_error_ratio
         ));
     }
-    if tally.mismatches > 0 {
-        failures.push(format!(
-            "{} of {} rays see something else: {}",
-            tally.mismatches,
-            tally.rays,
-            tally.examples.join("; ")
-        ));
-    }
     failures
+}
+
+fn ray_failure(tally: &Tally) -> Option<String> {
+    let Tally { mismatches, rays, examples, .. } = tally;
+    (*mismatches > 0).then(|| format!("{mismatches} of {rays} rays see something else: {}", examples.join("; ")))
 }

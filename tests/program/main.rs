@@ -5,6 +5,7 @@ mod common;
 mod bad_input;
 mod cli;
 mod determinism;
+mod devices;
 mod mutations;
 mod roundtrip;
 mod samples;

@@ -7,10 +7,10 @@ use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 use super::{CpuTracer, Reference, TrueHit};
 use crate::scene::{InstanceId, Scene, TriangleRef};
+use crate::verify::Hit;
 use crate::verify::approach::Approach;
 use crate::verify::rays::Ray;
 use crate::verify::test_scenes::{Style, cube, mesh, random_rays, random_scene, scene};
-use crate::verify::{Hit, Tracer};
 
 fn style() -> impl Strategy<Value = Style> {
     let size = prop_oneof![Just(1.0), Just(1e-3), Just(1e3), Just(1e-30), Just(1e30)];

@@ -1,5 +1,8 @@
 //! The tracer under test: single precision throughout, as on a device.
 
+use std::convert::Infallible;
+use std::time::Instant;
+
 use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 use rayon::prelude::*;
 
@@ -7,7 +10,7 @@ use super::boxes::BoxRay;
 use super::search::{Found, Inside, Interval, Stacks, search};
 use super::two_level::TwoLevel;
 use super::watertight::ShearedRay;
-use crate::verify::rays::Ray;
+use crate::verify::rays::{Ray, RayKind};
 use crate::verify::{Hit, Tracer};
 
 /// Rays a task: few enough to spread over threads, enough to pay for its stacks.
@@ -29,6 +32,16 @@ impl<'a> CpuTracer<'a> {
     /// A tracer through built trees.
     pub fn new(accel: &'a TwoLevel) -> Self {
         CpuTracer { accel, to_mesh: accel.entries.iter().map(|e| single(&e.to_mesh)).collect() }
+    }
+
+    /// The first hit of each ray.
+    pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        self.each(rays, |ray, stacks| self.trace(ray, false, stacks))
+    }
+
+    /// For each ray whether it hits anything.
+    pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
     }
 
     fn trace(&self, ray: &Ray, any: bool, stacks: &mut Stacks<f32>) -> Option<Hit> {
@@ -64,6 +77,9 @@ impl<'a> CpuTracer<'a> {
 }
 
 impl Tracer for CpuTracer<'_> {
+    type Rays<'r> = &'r [Ray];
+    type Error = Infallible;
+
     fn device(&self) -> String {
         match rayon::current_num_threads() {
             1 => "CPU, 1 thread".into(),
@@ -71,12 +87,25 @@ impl Tracer for CpuTracer<'_> {
         }
     }
 
-    fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        self.each(rays, |ray, stacks| self.trace(ray, false, stacks))
+    fn prepare<'r>(&self, rays: &'r [Ray]) -> Result<&'r [Ray], Infallible> {
+        Ok(rays)
     }
 
-    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
+    fn closest(&self, rays: &&[Ray]) -> Result<Vec<Option<Hit>>, Infallible> {
+        Ok(CpuTracer::closest(self, rays))
+    }
+
+    fn occluded(&self, rays: &&[Ray]) -> Result<Vec<bool>, Infallible> {
+        Ok(CpuTracer::occluded(self, rays))
+    }
+
+    fn seconds(&self, kind: RayKind, rays: &&[Ray]) -> Result<f64, Infallible> {
+        let start = Instant::now();
+        match kind {
+            RayKind::Shadow => drop(std::hint::black_box(CpuTracer::occluded(self, rays))),
+            _ => drop(std::hint::black_box(CpuTracer::closest(self, rays))),
+        }
+        Ok(start.elapsed().as_secs_f64())
     }
 }
 

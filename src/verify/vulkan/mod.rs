@@ -7,7 +7,7 @@
 //! Nothing here needs more of a device than the extensions `VK_KHR_acceleration_structure` and
 //! `VK_KHR_ray_tracing_pipeline` and buffer addresses. All unsafe code of the program is in this folder. Files, in
 //! the order in which they build on each other: `error`, `instance`, `info`, `device`, `commands`, `memory`,
-//! `transfer`, `accel`, `interface`, `pipeline`, `trace`.
+//! `transfer`, `accel`, `interface`, `pipeline`, `trace`, `tracer`.
 
 #![allow(unsafe_code)]
 
@@ -21,6 +21,7 @@ mod interface;
 mod memory;
 mod pipeline;
 mod trace;
+mod tracer;
 mod transfer;
 
 #[cfg(test)]

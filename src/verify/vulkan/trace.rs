@@ -1,5 +1,7 @@
 //! Rays through a scene's acceleration structures.
 
+use std::cell::Cell;
+
 use ash::vk;
 
 use super::Error;
@@ -113,6 +115,8 @@ pub struct VulkanTracer<'d> {
     _blases: Blases<'d>,
     identity: Identity,
     report: BuildReport,
+    /// Invocations of the any-hit shader on behalf of a verification.
+    pub(super) any_hits: Cell<u64>,
 }
 
 impl<'d> VulkanTracer<'d> {
@@ -135,7 +139,8 @@ impl<'d> VulkanTracer<'d> {
             blas_bytes_compacted: blases.bytes_compacted,
             tlas_bytes: tlas.bytes,
         };
-        Ok(VulkanTracer { pipelines, tlas, _blases: blases, identity: Identity::new(scene, &plan), report })
+        let identity = Identity::new(scene, &plan);
+        Ok(VulkanTracer { pipelines, tlas, _blases: blases, identity, report, any_hits: Cell::new(0) })
     }
 
     /// What was built.
@@ -179,7 +184,8 @@ impl<'d> VulkanTracer<'d> {
         self.pipelines.timer.milliseconds()
     }
 
-    fn device(&self) -> &'d Device {
+    /// The device it traces on.
+    pub(super) fn device(&self) -> &'d Device {
         self.pipelines.device
     }
 

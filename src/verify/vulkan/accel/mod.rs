@@ -13,46 +13,7 @@ pub(super) use blas::Blases;
 pub(super) use plan::Plan;
 pub(super) use tlas::Tlas;
 
-/// What to build, and how.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BuildOptions {
-    /// What the driver should favour.
-    pub prefer: Prefer,
-    /// Whether structures can be refitted later, which costs memory and speed.
-    pub allow_update: bool,
-    /// Whether BLASes are copied to where they take no more memory than they need.
-    pub compact: bool,
-    /// What goes into one BLAS.
-    pub blas_per: BlasPer,
-}
-
-impl Default for BuildOptions {
-    fn default() -> Self {
-        BuildOptions { prefer: Prefer::FastTrace, allow_update: false, compact: true, blas_per: BlasPer::Mesh }
-    }
-}
-
-/// What a driver favours when it builds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Prefer {
-    /// Rays per second.
-    #[default]
-    FastTrace,
-    /// Build time.
-    FastBuild,
-    /// Whatever the driver likes.
-    None,
-}
-
-/// What goes into one BLAS.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BlasPer {
-    /// All geometries of a mesh.
-    #[default]
-    Mesh,
-    /// Each geometry by itself, with an instance of its own wherever its mesh is placed.
-    Primitive,
-}
+pub use crate::verify::build::{BlasPer, BuildOptions, Prefer};
 
 /// What was built.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -6,6 +6,7 @@ mod hits;
 mod memory;
 mod scenes;
 mod truth;
+mod verify;
 
 use std::sync::Mutex;
 

@@ -1,0 +1,188 @@
+//! What traces the rays of a verification: a Vulkan device, or the CPU.
+
+use super::{Verification, VerifyOptions, verify};
+#[cfg(feature = "vulkan")]
+use super::{
+    cpu::{Reference, TwoLevel},
+    verify_with,
+    vulkan::{Device, DeviceInfo, Error, Options, Pipelines, Vulkan, VulkanTracer, Wanted},
+};
+use crate::scene::Scene;
+
+/// Where to trace.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum DeviceChoice {
+    /// On the first hardware device that can trace rays, else on the CPU.
+    #[default]
+    Auto,
+    /// On the CPU.
+    Cpu,
+    /// On the Vulkan device at this place in the list.
+    Index(usize),
+    /// On the first Vulkan device with this in its name, in any case.
+    Name(String),
+}
+
+impl From<&str> for DeviceChoice {
+    fn from(word: &str) -> DeviceChoice {
+        match (word, word.parse()) {
+            ("auto", _) => DeviceChoice::Auto,
+            ("cpu", _) => DeviceChoice::Cpu,
+            (_, Ok(index)) => DeviceChoice::Index(index),
+            (name, Err(_)) => DeviceChoice::Name(name.to_owned()),
+        }
+    }
+}
+
+/// A device that was asked for by name cannot do it; the reason in words.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("--device: {0}")]
+pub struct DeviceError(String);
+
+/// What traces.
+#[derive(Debug)]
+pub struct Machine {
+    #[cfg(feature = "vulkan")]
+    device: Option<Device>,
+    /// Whether the device was named, so that its failure is an error.
+    #[cfg(feature = "vulkan")]
+    named: bool,
+    notes: Vec<String>,
+}
+
+#[cfg(feature = "vulkan")]
+impl Machine {
+    /// Opens what is asked for; under [`DeviceChoice::Auto`] the CPU serves where no device can.
+    ///
+    /// # Errors
+    /// A device named that is not there or cannot trace rays.
+    pub fn open(choice: &DeviceChoice) -> Result<Machine, DeviceError> {
+        let wanted = match choice {
+            DeviceChoice::Cpu => return Ok(Machine { device: None, named: false, notes: Vec::new() }),
+            DeviceChoice::Auto => {
+                return Ok(match open_hardware() {
+                    Ok(device) => Machine { device: Some(device), named: false, notes: Vec::new() },
+                    Err(why) => Machine {
+                        device: None,
+                        named: false,
+                        notes: vec![format!("rays are traced on the CPU: {why}")],
+                    },
+                });
+            }
+            DeviceChoice::Index(index) => Wanted::Index(*index),
+            DeviceChoice::Name(name) => Wanted::Name(name.clone()),
+        };
+        let device = Vulkan::load(Options::from_env()).and_then(|vulkan| vulkan.open(&wanted));
+        let device = device.map_err(|e| DeviceError(e.to_string()))?;
+        Ok(Machine { device: Some(device), named: true, notes: Vec::new() })
+    }
+
+    /// Verifies `after` against `before`. Where the device cannot take the scenes, the CPU does it and a note says so.
+    ///
+    /// # Errors
+    /// A device named that fails otherwise.
+    pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
+        let mut notes = self.notes.clone();
+        let found = match self.device.as_ref().map(|device| verify_on(device, before, after, options)) {
+            None => verify(before, after, options),
+            Some(Ok(found)) => found,
+            Some(Err(e)) if !self.named || matches!(e, Error::OutOfMemory { .. } | Error::Limit { .. }) => {
+                notes.push(format!("rays are traced on the CPU: {e}"));
+                verify(before, after, options)
+            }
+            Some(Err(e)) => return Err(DeviceError(e.to_string())),
+        };
+        Ok(Verification { notes, ..found })
+    }
+}
+
+#[cfg(feature = "vulkan")]
+fn open_hardware() -> Result<Device, String> {
+    let vulkan = Vulkan::load(Options::from_env()).map_err(|e| e.to_string())?;
+    let devices = vulkan.devices().map_err(|e| e.to_string())?;
+    match devices.iter().find(|d| d.can_trace() && !d.is_software) {
+        Some(device) => vulkan.open(&Wanted::Index(device.index)).map_err(|e| e.to_string()),
+        None => Err(no_hardware(&devices)),
+    }
+}
+
+#[cfg(feature = "vulkan")]
+fn no_hardware(devices: &[DeviceInfo]) -> String {
+    let software = devices.iter().filter(|d| d.can_trace()).map(|d| format!("`{}`", d.name)).collect::<Vec<_>>();
+    match software.is_empty() {
+        true => "no Vulkan device can trace rays".into(),
+        false => format!("no Vulkan device but the software driver {} can trace rays", software.join(", ")),
+    }
+}
+
+/// Verifies on a device. The trees of the truth are built while the device builds its own.
+#[cfg(feature = "vulkan")]
+fn verify_on(device: &Device, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, Error> {
+    std::thread::scope(|scope| {
+        let trees = scope.spawn(|| TwoLevel::build(before));
+        let pipelines = Pipelines::new(device)?;
+        let build = |scene| VulkanTracer::new(&pipelines, scene, options.build);
+        let tracers = [build(before)?, build(after)?];
+        let trees = trees.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        verify_with(before, after, &Reference::new(&trees), [&tracers[0], &tracers[1]], options)
+    })
+}
+
+#[cfg(not(feature = "vulkan"))]
+impl Machine {
+    /// Opens the CPU.
+    ///
+    /// # Errors
+    /// Any other device.
+    pub fn open(choice: &DeviceChoice) -> Result<Machine, DeviceError> {
+        match choice {
+            DeviceChoice::Auto | DeviceChoice::Cpu => Ok(Machine { notes: Vec::new() }),
+            _ => Err(DeviceError("this program was built without Vulkan; use `auto` or `cpu`".into())),
+        }
+    }
+
+    /// Verifies `after` against `before` on the CPU.
+    ///
+    /// # Errors
+    /// None.
+    pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
+        Ok(Verification { notes: self.notes.clone(), ..verify(before, after, options) })
+    }
+}
+
+/// The Vulkan devices of this machine.
+///
+/// # Errors
+/// Why there is no Vulkan, in words.
+#[cfg(feature = "vulkan")]
+pub fn list() -> Result<Vec<DeviceInfo>, String> {
+    let listed = Vulkan::load(Options::from_env()).and_then(|vulkan| vulkan.devices());
+    listed.map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_choose_a_device() {
+        assert_eq!(DeviceChoice::from("auto"), DeviceChoice::Auto);
+        assert_eq!(DeviceChoice::from("cpu"), DeviceChoice::Cpu);
+        assert_eq!(DeviceChoice::from("2"), DeviceChoice::Index(2));
+        assert_eq!(DeviceChoice::from("llvmpipe"), DeviceChoice::Name("llvmpipe".into()));
+    }
+
+    #[test]
+    fn a_device_that_is_not_there_is_an_error_by_its_name() {
+        let error = Machine::open(&DeviceChoice::Name("no such device".into())).expect_err("there is none");
+        assert!(error.to_string().starts_with("--device: "), "{error}");
+    }
+
+    #[test]
+    fn the_cpu_needs_no_excuse() {
+        let found = Machine::open(&DeviceChoice::Cpu)
+            .and_then(|m| m.verify(&Scene::default(), &Scene::default(), &VerifyOptions::default()))
+            .expect("nothing can fail");
+        assert!(found.passed() && found.notes.is_empty());
+    }
+}

@@ -1,0 +1,96 @@
+//! Vulkan devices: listed, chosen, refused. `tests/install_vulkan.sh` installs a software driver; without it these fail.
+
+use crate::common::{METHODS, Ran, folder_names, raykiln, samples};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Part of the name of Mesa's software driver.
+const SOFTWARE: &str = "llvmpipe";
+
+fn sample(name: &str) -> PathBuf {
+    samples().into_iter().find(|s| s.name == name).expect("the sample is there").scene
+}
+
+fn bake_on(device: &str, scene: &Path, more: &[&str]) -> (Ran, TempDir) {
+    let folder = TempDir::new().unwrap();
+    let output = folder.path().join("out.glb");
+    let (scene, output) = (scene.to_str().unwrap(), output.to_str().unwrap());
+    let fixed = ["bake", scene, "-o", output, "--json", "--device", device, "--rays", "500", "--repeats", "2"];
+    (raykiln(fixed.iter().chain(more)), folder)
+}
+
+#[test]
+fn devices_are_listed_with_what_they_can_do() {
+    let ran = raykiln(["devices", "--json"]);
+    assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
+    let report = ran.json();
+    let devices = report["devices"].as_array().expect("a list");
+    let software = devices.iter().find(|d| d["name"].as_str().is_some_and(|n| n.contains(SOFTWARE)));
+    let software = software.expect("tests/install_vulkan.sh was run");
+    assert_eq!((&software["can_trace"], &software["is_software"]), (&Value::Bool(true), &Value::Bool(true)));
+    assert!(software["limits"]["instances"].as_u64() > Some(1 << 20));
+    assert!(software["memory_bytes"].as_u64() > Some(0) && software["driver"].is_string());
+    let text = raykiln(["devices"]);
+    assert_eq!((text.status, text.stderr.as_str()), (0, ""));
+    for word in [SOFTWARE, "traces rays", "VK_KHR_ray_tracing_pipeline", "instances"] {
+        assert!(text.stdout.contains(word), "{word} is missing in:\n{}", text.stdout);
+    }
+}
+
+#[test]
+fn every_method_verifies_on_a_device() {
+    for scene in ["overlapping", "instanced"] {
+        for method in METHODS {
+            let (ran, _folder) = bake_on(SOFTWARE, &sample(scene), &["--method", method]);
+            assert_eq!(ran.status, 0, "{scene} {method}: {}", ran.stderr);
+            let verify = &ran.json()["verify"];
+            assert!(verify["device"].as_str().is_some_and(|d| d.contains(SOFTWARE)), "{scene} {method}: {verify}");
+            assert_eq!(verify["mismatches"], 0, "{scene} {method}");
+            assert!(verify["hits"].as_u64() > Some(0), "{scene} {method}");
+            for key in ["blas_bytes", "blas_bytes_compacted", "tlas_bytes", "blas_build_ms", "tlas_build_ms"] {
+                assert!(verify[key]["before"].as_f64() > Some(0.0), "{scene} {method} {key}");
+                assert!(verify[key]["after"].as_f64() > Some(0.0), "{scene} {method} {key}");
+            }
+        }
+    }
+}
+
+#[test]
+fn build_options_reach_the_device() {
+    let scene = sample("overlapping");
+    let (plain, _folder) = bake_on(SOFTWARE, &scene, &["--method", "single", "--compact", "false"]);
+    assert_eq!(plain.json()["verify"]["blas_bytes_compacted"], Value::Null);
+    let options = ["--method", "single", "--build-flags", "fast-build", "--allow-update", "--blas-per", "primitive"];
+    let (per_primitive, _folder) = bake_on(SOFTWARE, &scene, &options);
+    let report = per_primitive.json();
+    assert_eq!(report["verify"]["blases"]["after"], report["after"]["geometries"]);
+}
+
+#[test]
+fn text_shows_what_the_device_built() {
+    let (ran, _folder) = bake_on(SOFTWARE, &sample("overlapping"), &[]);
+    for words in ["BLAS bytes", "TLAS build", SOFTWARE] {
+        assert!(ran.stderr.contains(words), "{words} is missing in:\n{}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_device_that_is_not_there_is_an_error_and_leaves_no_file() {
+    for device in ["no such device", "99"] {
+        let (ran, folder) = bake_on(device, &sample("overlapping"), &[]);
+        assert_eq!((ran.status, ran.stdout.as_str()), (2, ""), "{}", ran.stderr);
+        assert!(ran.stderr.contains("--device") && ran.stderr.contains(SOFTWARE), "{}", ran.stderr);
+        assert!(folder_names(folder.path()).is_empty());
+    }
+}
+
+#[test]
+fn a_software_driver_is_used_only_when_named() {
+    let (ran, _folder) = bake_on("auto", &sample("overlapping"), &[]);
+    let report = ran.json();
+    let device = report["verify"]["device"].as_str().expect("a device");
+    assert!(!device.contains(SOFTWARE), "{device}");
+    let noted = report["notes"].as_array().expect("notes").iter().any(|n| n.as_str().unwrap().contains("on the CPU"));
+    assert_eq!(noted, device.starts_with("CPU"), "{report}");
+}
