@@ -41,9 +41,9 @@ pub(super) struct Chosen {
     pub(super) passes: Vec<Pass>,
 }
 
-/// Chooses a layout and readies it for writing. Instances that could not be written out within `limit` (world units)
-/// become pinned.
-pub(super) fn choose(scene: &mut Scene, before: &Metrics, options: &BakeOptions, limit: f64) -> Chosen {
+/// Chooses a layout and readies it for writing. Instances that could not be written out within the position error
+/// allowed become pinned.
+pub(super) fn choose(scene: &mut Scene, before: &Metrics, options: &BakeOptions) -> Chosen {
     let (method, candidates, reason) = match options.method {
         Choice::Method(method) => (method, Vec::new(), "asked for".to_owned()),
         Choice::Auto => cheapest(scene, before, &auto_options(options)),
@@ -52,7 +52,7 @@ pub(super) fn choose(scene: &mut Scene, before: &Metrics, options: &BakeOptions,
         Choice::Auto => auto_options(options),
         Choice::Method(_) => options.layout.clone(),
     };
-    let (layout, passes) = lay_out(scene, method, &layout_options, limit);
+    let (layout, passes) = lay_out(scene, method, &layout_options, options.verify.max_position_error_ratio);
     let report = MethodReport { requested: options.method.name(), chosen: method.name(), reason, candidates };
     Chosen { layout, report, passes }
 }
@@ -87,7 +87,7 @@ fn cheapest(scene: &Scene, before: &Metrics, options: &layout::Options) -> (Meth
 }
 
 /// Runs a method, keeps its rounding within the limit and puts its triangles in tree order.
-fn lay_out(scene: &mut Scene, method: Method, options: &layout::Options, limit: f64) -> (Layout, Vec<Pass>) {
+fn lay_out(scene: &mut Scene, method: Method, options: &layout::Options, max_error_ratio: f64) -> (Layout, Vec<Pass>) {
     let start = Instant::now();
     let mut layout = layout::run(method, scene, options);
     let regrouped = !emit::is_unchanged(&layout);
@@ -95,13 +95,13 @@ fn lay_out(scene: &mut Scene, method: Method, options: &layout::Options, limit: 
     let mut passes = vec![pass("regroup", regrouped, reason, start)];
 
     let start = Instant::now();
-    let mut settled = emit::settle(scene, &mut layout, limit);
+    let mut settled = emit::settle(scene, &mut layout, max_error_ratio);
     let mut refused = 0;
     while !settled.refused.is_empty() {
         refused += settled.refused.len();
         scene.pin(&settled.refused, Pinned::Precision);
         layout = layout::run(method, scene, options);
-        settled = emit::settle(scene, &mut layout, limit);
+        settled = emit::settle(scene, &mut layout, max_error_ratio);
     }
     if refused > 0 {
         layout.notes.push(format!(

@@ -70,9 +70,8 @@ pub fn bake(
     clock.enter(Stage::Analyse);
     let before = measure_as_is(&scene);
     clock.enter(Stage::Optimise);
-    let limit = options.verify.max_position_error_ratio * scene.bounds().diagonal();
     let optimising = Instant::now();
-    let chosen = choose::choose(&mut scene, &before, options, limit);
+    let chosen = choose::choose(&mut scene, &before, options);
     let seconds = optimising.elapsed().as_secs_f64();
     clock.enter(Stage::Write);
     let written = write(&doc, &scene, &chosen.layout, output, options.prune)?;

@@ -16,17 +16,23 @@ pub struct Settled {
 }
 
 /// Stores each baked group relative to its centre where rounding world positions to single precision would move a
-/// vertex farther than `limit` (world units), and names the instances for which even that does not suffice.
-pub fn settle(scene: &Scene, layout: &mut Layout, limit: f64) -> Settled {
+/// vertex farther than `max_error_ratio` of the scene's diagonal, or of the group's own: a small object far from the
+/// origin keeps its shape. Names the instances that would still exceed the ratio of the scene's diagonal.
+pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settled {
+    let limit = max_error_ratio * scene.bounds().diagonal();
     let mut settled = Settled::default();
     for group in &mut layout.groups {
         let Content::Baked { frame, geometries } = &mut group.content else { continue };
-        if largest_error(scene, geometries, *frame) <= limit {
+        let error = largest_error(scene, geometries, *frame);
+        if error == 0.0 {
             continue;
         }
-        *frame = centre(scene, geometries);
-        settled.centred += 1;
-        if largest_error(scene, geometries, *frame) > limit {
+        let bounds = bounds(scene, geometries);
+        if error > limit.min(max_error_ratio * bounds.diagonal()) {
+            *frame = centre(&bounds);
+            settled.centred += 1;
+        }
+        if error > limit && largest_error(scene, geometries, *frame) > limit {
             settled.refused.extend(geometries.iter().flat_map(|g| g.triangles.iter().map(|t| InstanceId(t.instance))));
             settled.refused.sort_unstable();
             settled.refused.dedup();
@@ -63,9 +69,17 @@ fn largest_error(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3) -
         .reduce(|| 0.0, f64::max)
 }
 
+/// World box of a group's triangles.
+fn bounds(scene: &Scene, geometries: &[GroupGeometry]) -> Bounds {
+    geometries
+        .par_iter()
+        .flat_map(|g| g.triangles.par_iter())
+        .map(|&at| Bounds::of(scene.world_corners(at)))
+        .reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
+}
+
 /// The translation to the middle of a group, rounded so that a file that is read in single precision holds it.
-fn centre(scene: &Scene, geometries: &[GroupGeometry]) -> DAffine3 {
-    let corners = geometries.iter().flat_map(|g| g.triangles.iter().flat_map(|&at| scene.world_corners(at)));
-    let middle = Bounds::of(corners).center().as_vec3().as_dvec3();
+fn centre(bounds: &Bounds) -> DAffine3 {
+    let middle = bounds.center().as_vec3().as_dvec3();
     DAffine3::from_translation(if middle.is_finite() { middle } else { DVec3::ZERO })
 }

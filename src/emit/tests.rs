@@ -248,11 +248,28 @@ fn far_groups_are_stored_around_their_centre() {
     let scene = load(&doc);
     let mut layout = baked(&scene);
     let limit = 1e-6 * scene.bounds().diagonal();
-    assert_eq!(settle(&scene, &mut layout, limit), Settled { centred: 1, refused: Vec::new() });
+    assert_eq!(settle(&scene, &mut layout, 1e-6), Settled { centred: 1, refused: Vec::new() });
     let emitted = emit(&doc, &scene, &layout, false);
     assert!(emitted.position_error <= limit, "{}", emitted.position_error);
     let after = load(&emitted.document);
     assert!(after.bounds().center().distance(dvec3(1e7 + 1.0, 0.75, 0.25)) < 1e-6);
+}
+
+#[test]
+fn a_small_object_in_a_large_scene_keeps_its_shape() {
+    let doc = document(
+        json!([
+            {"mesh": 0, "scale": [1e3, 1e3, 1e3]},
+            {"mesh": 0, "translation": [700.3, 0.0, 0.0], "scale": [1e-2, 1e-2, 1e-2]}
+        ]),
+        json!({"primitives": [surface(0)]}),
+    );
+    let scene = load(&doc);
+    let mut layout = baked(&scene);
+    assert_eq!(settle(&scene, &mut layout, 1e-6), Settled::default());
+    let Content::Baked { geometries, .. } = &mut layout.groups[0].content else { unreachable!() };
+    geometries[0].triangles.retain(|t| t.instance == 1);
+    assert_eq!(settle(&scene, &mut layout, 1e-6), Settled { centred: 1, refused: Vec::new() });
 }
 
 #[test]
