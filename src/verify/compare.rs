@@ -100,7 +100,7 @@ pub(super) struct Side<'a> {
     identity: Option<&'a Identity<'a>>,
     magnitudes: Vec<Magnitude>,
     /// How far its triangles are from their place at most, in world units; no farther than allowed.
-    position_error: f64,
+    pub(super) position_error: f64,
 }
 
 /// Two scenes and the truth about the first.

@@ -135,7 +135,10 @@ impl<'a> Surfaces<'a> {
             let ray = of_ray[0].ray;
             let mut judged = [Judgement::Right; 2];
             for doubt in of_ray {
-                judged[doubt.side] = judge(&rays[ray], doubt.claim.as_ref(), truths[ray].as_ref(), there[at]);
+                judged[doubt.side] = match doubt.claim {
+                    Some(claim) => judge_hit(&rays[ray], &claim, truths[ray].as_ref(), there[at]),
+                    None => judge_miss(&rays[ray], truths[ray].as_ref(), self.sides[doubt.side].position_error),
+                };
                 at += 1;
             }
             count(judged, agree(&claims[ray], FAR_RATIO * self.radius), tally);
@@ -198,6 +201,12 @@ impl Truth<'_> {
         }
     }
 
+    /// Whether rounding, or triangles off by `slack` more, decide that the ray meets this triangle.
+    fn is_doubtful(&self, ray: &Ray, slack: f64) -> bool {
+        let slack = self.slack + slack;
+        self.approach.grazes(slack) || at_an_end(ray, &self.approach, slack)
+    }
+
     /// Whether a claim is in the place of this triangle.
     fn is_at(&self, claim: &Claim) -> bool {
         self.approach.explains(claim.distance, self.slack + claim.slack)
@@ -215,32 +224,30 @@ fn truth_in<'s>(side: &Side<'s>, ray: &Ray, hit: &TrueHit) -> Truth<'s> {
 }
 
 /// Judges a claim; `is_there` tells whether the input has such a surface in that place.
-fn judge(ray: &Ray, claim: Option<&Claim>, truth: Option<&Truth>, is_there: bool) -> Judgement {
-    use Judgement::{Right, Silhouette, Tie, Wrong};
-    if let Some(claim) = claim
-        && !is_there
-        && !claim.doubtful
-    {
+fn judge_hit(ray: &Ray, claim: &Claim, truth: Option<&Truth>, is_there: bool) -> Judgement {
+    use Judgement::{Silhouette, Tie, Wrong};
+    if !is_there && !claim.doubtful {
         return Wrong(match truth {
             Some(truth) if truth.is_at(claim) && truth.material == claim.material => "the other side of a surface",
             Some(truth) if truth.is_at(claim) => "another material",
             _ => "a surface that is somewhere else",
         });
     }
-    let Some(truth) = truth else { return if claim.is_some() { Silhouette } else { Right } };
-    let slack = truth.slack + claim.map_or(0.0, |c| c.slack);
-    match claim {
-        Some(claim) if truth.is_at(claim) => {
-            if is_there {
-                Tie
-            } else {
-                Silhouette
-            }
-        }
-        Some(claim) if claim.distance < truth.distance => Silhouette,
-        _ if truth.approach.grazes(slack) || at_an_end(ray, &truth.approach, slack) => Silhouette,
+    match truth {
+        None => Silhouette,
+        Some(truth) if truth.is_at(claim) && is_there => Tie,
+        Some(truth) if truth.is_at(claim) || claim.distance < truth.distance => Silhouette,
+        Some(truth) if truth.is_doubtful(ray, claim.slack) => Silhouette,
         Some(_) => Wrong("a surface behind the one that is hit"),
-        None => Wrong("nothing"),
+    }
+}
+
+/// Judges the claim that nothing is hit in a file whose triangles may be off by `position_error`.
+fn judge_miss(ray: &Ray, truth: Option<&Truth>, position_error: f64) -> Judgement {
+    match truth {
+        None => Judgement::Right,
+        Some(truth) if truth.is_doubtful(ray, position_error) => Judgement::Silhouette,
+        Some(_) => Judgement::Wrong("nothing"),
     }
 }
 
