@@ -7,6 +7,7 @@
 
 pub mod bake;
 pub mod cli;
+pub mod compare;
 pub mod cost;
 pub mod emit;
 pub mod inspect;

@@ -163,7 +163,7 @@ fn verify_staged(
 }
 
 /// Faster means: by more than the spread, over the kinds of rays that light a picture, each counted alike.
-fn verdict(verification: &Verification, unchanged: bool) -> Verdict {
+pub(crate) fn verdict(verification: &Verification, unchanged: bool) -> Verdict {
     if !verification.passed() {
         return Verdict::Failed;
     }

@@ -41,6 +41,9 @@ pub(super) enum Command {
     /// Choose a layout, write it, verify it, report
     #[command(after_help = BAKE_EXAMPLES)]
     Bake(Box<BakeArguments>),
+    /// Trace the same rays through two files of one scene and compare what they see
+    #[command(after_help = VERIFY_EXAMPLES)]
+    Verify(Box<CompareArguments>),
     /// Show what a scene is made of, what it costs, and which vendor rules it breaks
     Inspect(InspectArguments),
     /// List the Vulkan devices, what they can do and what they lack to trace rays
@@ -62,6 +65,26 @@ const BAKE_EXAMPLES: &str = "Examples:
   raykiln bake conference.obj -o conference.glb
   raykiln bake scene.gltf -o baked.glb --method overlap --skip-overlap-ratio 0.005
   raykiln bake scene.glb -o baked.glb --method single --keep 'door*' --report baked.json";
+
+const VERIFY_EXAMPLES: &str = "Examples:
+  raykiln verify conference.obj baked.glb
+  raykiln verify scene.glb optimised-by-another-tool.glb --max-position-error-ratio 1e-4 --json";
+
+#[derive(Debug, Args)]
+pub(super) struct CompareArguments {
+    /// The scene held to be right: OBJ, glTF or GLB
+    pub(super) before: PathBuf,
+    /// The file to verify: OBJ, glTF or GLB
+    pub(super) after: PathBuf,
+    /// Also write the report to FILE (.json); may be repeated
+    #[arg(long, value_name = "FILE")]
+    pub(super) report: Vec<PathBuf>,
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) verify: VerifyArguments,
+}
 
 #[derive(Debug, Args)]
 pub(super) struct BakeArguments {
@@ -126,7 +149,7 @@ struct LayoutArguments {
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Verification options")]
-struct VerifyArguments {
+pub(super) struct VerifyArguments {
     /// Where to trace rays: `auto` (a GPU if there is one, else the CPU), `cpu`, or a Vulkan device by its index or a
     /// part of its name (see `raykiln devices`)
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
@@ -252,7 +275,7 @@ impl BakeArguments {
 
 impl VerifyArguments {
     /// What the library needs to know.
-    fn options(&self) -> VerifyOptions {
+    pub(super) fn options(&self) -> VerifyOptions {
         let default = VerifyOptions::default();
         VerifyOptions {
             device: DeviceChoice::from(self.device.as_str()),

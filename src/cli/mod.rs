@@ -12,10 +12,11 @@ use anyhow::{Context, Result};
 use clap::{CommandFactory, Parser};
 
 use crate::bake::{self, BakeOptions};
+use crate::compare;
 use crate::inspect;
 use crate::report::{self, Verdict};
 use crate::scene::LoadOptions;
-use args::{Arguments, BakeArguments, Command, InspectArguments, Output};
+use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
 
 /// Exit status of a failed verification.
@@ -45,6 +46,7 @@ fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
     }
     match &arguments.command {
         Command::Bake(bake) => run_bake(bake, &arguments.output),
+        Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
         Command::Devices { json } => {
             let report = report::DevicesReport::of_this_machine();
@@ -88,6 +90,29 @@ fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
         }
         _ => ExitCode::SUCCESS,
     })
+}
+
+fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode> {
+    check_reports(&arguments.report)?;
+    let mut progress = Progress::new(output.quiet);
+    progress.enter("verifying");
+    let report = compare::compare(&arguments.before, &arguments.after, &arguments.verify.options());
+    progress.finish();
+    let report = report?;
+    let json = report::json::to_json(&report);
+    for file in &arguments.report {
+        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
+    }
+    if arguments.json {
+        print(json.as_bytes())?;
+    } else if !output.quiet {
+        print(report::text::verify(&report, output.verbose > 0).as_bytes())?;
+    }
+    if report.verdict == Verdict::Failed {
+        report::text::error(&format!("{}: verification failed: {}", report.output.display(), report.verify));
+        return Ok(ExitCode::from(FAILED));
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode> {

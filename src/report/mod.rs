@@ -147,6 +147,36 @@ pub struct Seconds {
     pub total: f64,
 }
 
+/// What comparing two files found.
+#[derive(Clone, Debug, Serialize)]
+pub struct VerifyReport {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Version of the program.
+    pub raykiln_version: &'static str,
+    /// The file held to be right.
+    pub input: Input,
+    /// The file verified.
+    pub output: PathBuf,
+    /// The input's layout.
+    pub before: Metrics,
+    /// The output's layout.
+    pub after: Metrics,
+    /// `identity`: the output says which triangle of the input each of its own is. `surface`: it does not, so that only
+    /// what rays see was compared.
+    pub matched_by: &'static str,
+    /// What tracing both files showed.
+    pub verify: Verification,
+    /// What came of it.
+    pub verdict: Verdict,
+    /// Time it took, in seconds.
+    pub seconds: f64,
+    /// What the reader mended or left out.
+    pub warnings: Vec<String>,
+    /// What was done otherwise than asked.
+    pub notes: Vec<String>,
+}
+
 /// What `inspect` found.
 #[derive(Clone, Debug, Serialize)]
 pub struct InspectReport {

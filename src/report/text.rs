@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{BakeReport, Device, DevicesReport, Finding, Input, InspectReport, Severity, Verdict};
+use super::{BakeReport, Device, DevicesReport, Finding, Input, InspectReport, Severity, Verdict, VerifyReport};
 use crate::cost::Metrics;
 use crate::verify::Verification;
 use crate::verify::build::Pair;
@@ -32,13 +32,37 @@ pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
         text += &passes(report);
     }
     text.push('\n');
-    text += &table(&["", "before", "after"], &comparison(report));
+    text += &table(&["", "before", "after"], &comparison([&report.before, &report.after]));
     text.push('\n');
     text += &structures(&report.verify);
     text += &rays(&report.verify);
     text += &errors(&report.verify);
     text += &seconds(report);
     let _ = writeln!(text, "\nverdict: {}", verdict(report.verdict));
+    text
+}
+
+/// A comparison of two files as text.
+pub fn verify(report: &VerifyReport, verbose: bool) -> String {
+    let mut text = format!("{} against {}\n", report.output.display(), report.input.path.display());
+    text += &input_line(&report.input);
+    text += &list("warning", &report.warnings, verbose);
+    text += &list("note", &report.notes, verbose);
+    if report.verify.structure.is_none() {
+        text += "only surfaces are compared: the output does not say where its triangles come from\n";
+    }
+    text.push('\n');
+    text += &table(&["", "before", "after"], &comparison([&report.before, &report.after]));
+    text.push('\n');
+    text += &structures(&report.verify);
+    text += &rays(&report.verify);
+    text += &errors(&report.verify);
+    let shown = match report.verdict {
+        Verdict::Failed => "failed: the files do not show the same",
+        Verdict::Faster => "the same surfaces, traced faster",
+        Verdict::NotFaster | Verdict::LeftAlone => "the same surfaces, not traced faster beyond the spread",
+    };
+    let _ = writeln!(text, "{:.2} seconds\n\nverdict: {shown}", report.seconds);
     text
 }
 
@@ -144,10 +168,10 @@ fn passes(report: &BakeReport) -> String {
     report.passes.iter().map(line).collect()
 }
 
-fn comparison(report: &BakeReport) -> Vec<Vec<String>> {
-    metric_rows(&report.before)
+fn comparison([before, after]: [&Metrics; 2]) -> Vec<Vec<String>> {
+    metric_rows(before)
         .into_iter()
-        .zip(metric_rows(&report.after))
+        .zip(metric_rows(after))
         .map(|((name, before), (_, after))| vec![name.into(), before, after])
         .collect()
 }

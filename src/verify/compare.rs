@@ -16,11 +16,11 @@ use crate::scene::{InstanceId, Scene, TriangleRef};
 /// Roundings that may add up on the way from a ray to a hit.
 pub const ROUNDINGS: f64 = 8.0;
 /// Hits count as far apart beyond this share of the scene's radius.
-const FAR_RATIO: f64 = 1e-4;
+pub(super) const FAR_RATIO: f64 = 1e-4;
 /// Distances below this share of the scene's radius count as this long when errors are taken relative to them.
-const NEAR_RATIO: f64 = 1e-3;
+pub(super) const NEAR_RATIO: f64 = 1e-3;
 /// Mismatches put in words.
-const EXAMPLES: usize = 4;
+pub(super) const EXAMPLES: usize = 4;
 /// Stream of random numbers for samples, beside those of the rays.
 const SAMPLE_STREAM: u64 = 100;
 
@@ -40,7 +40,7 @@ impl Errors {
         if self.count == 0 { 0.0 } else { (self.sum_of_squares / self.count as f64).sqrt() }
     }
 
-    fn record(&mut self, error: f64) {
+    pub(super) fn record(&mut self, error: f64) {
         self.add(Errors { count: 1, max: error, sum_of_squares: error * error });
     }
 
@@ -94,13 +94,13 @@ impl Tally {
 }
 
 /// One of the two scenes, as its tracer sees it.
-struct Side<'a> {
-    scene: &'a Scene,
+pub(super) struct Side<'a> {
+    pub(super) scene: &'a Scene,
     /// Leads to the triangles of the input; `None` for the input itself.
     identity: Option<&'a Identity<'a>>,
     magnitudes: Vec<Magnitude>,
     /// How far its triangles are from their place at most, in world units; no farther than allowed.
-    position_error: f64,
+    pub(super) position_error: f64,
 }
 
 /// Two scenes and the truth about the first.
@@ -128,7 +128,7 @@ struct Claim {
 
 /// What a tracer's word about a ray is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Judgement {
+pub(super) enum Judgement {
     Right,
     Tie,
     Silhouette,
@@ -155,8 +155,8 @@ impl<'a> Comparison<'a> {
         let allowed = options.max_position_error_ratio * reference_length(before);
         let position_error = structure.max_position_error.min(allowed);
         Comparison {
-            before: Side { scene: before, identity: None, magnitudes: magnitudes(before), position_error: 0.0 },
-            after: Side { scene: after, identity: Some(identity), magnitudes: magnitudes(after), position_error },
+            before: Side::new(before, None, 0.0),
+            after: Side::new(after, Some(identity), position_error),
             identity,
             reference,
             structure_is_clean: structure.is_clean(),
@@ -363,7 +363,12 @@ impl Doubt {
     }
 }
 
-impl Side<'_> {
+impl<'a> Side<'a> {
+    /// Of a scene whose triangles are off by so many world units at most.
+    pub(super) fn new(scene: &'a Scene, identity: Option<&'a Identity<'a>>, position_error: f64) -> Self {
+        Side { scene, identity, magnitudes: magnitudes(scene), position_error }
+    }
+
     /// The triangle of the input that a triangle is.
     fn source(&self, at: TriangleRef) -> Option<TriangleRef> {
         match self.identity {
@@ -373,7 +378,7 @@ impl Side<'_> {
     }
 
     /// How far a ray may be off a triangle of an instance where it passes it, in world units.
-    fn slack(&self, instance: u32, ray: &Ray, approach: &Approach) -> f64 {
+    pub(super) fn slack(&self, instance: u32, ray: &Ray, approach: &Approach) -> f64 {
         let way = ray.direction.as_dvec3().abs() * approach.distance.abs();
         let magnitude = self.magnitudes[instance as usize].at(ray.origin.as_dvec3().abs() + way);
         ROUNDINGS * (SINGLE * magnitude + SMALLEST) + self.position_error
@@ -381,13 +386,13 @@ impl Side<'_> {
 }
 
 /// Whether a triangle is passed where the ray begins or ends, so that rounding decides whether that counts.
-fn at_an_end(ray: &Ray, approach: &Approach, slack: f64) -> bool {
+pub(super) fn at_an_end(ray: &Ray, approach: &Approach, slack: f64) -> bool {
     let [near, far] = approach.window(slack);
     let length = ray.direction.as_dvec3().length();
     [ray.t_min, ray.t_max].into_iter().map(|t| f64::from(t) * length).any(|end| near <= end && end <= far)
 }
 
-fn material(scene: &Scene, at: TriangleRef) -> Option<u32> {
+pub(super) fn material(scene: &Scene, at: TriangleRef) -> Option<u32> {
     let mesh = scene.mesh_of(InstanceId(at.instance));
     mesh.geometries[mesh.locate(at.triangle).0].material
 }

@@ -15,6 +15,7 @@ pub mod rays;
 pub mod rounding;
 pub mod speed;
 pub mod structure;
+mod surface;
 #[cfg(test)]
 mod test_scenes;
 #[cfg(test)]
@@ -30,6 +31,7 @@ use compare::Comparison;
 use cpu::{CpuTracer, Reference, TwoLevel};
 pub use device::{DeviceChoice, DeviceError, Machine};
 use identity::Identity;
+use surface::Surfaces;
 pub use tracing::{Pace, Tracer};
 pub use verdict::Verification;
 
@@ -40,6 +42,8 @@ use crate::scene::Scene;
 pub struct VerifyOptions {
     /// Where to trace; [`Machine::open`] reads it, and nothing else does.
     pub device: DeviceChoice,
+    /// How triangles are matched.
+    pub matching: Matching,
     /// How a device builds its acceleration structures.
     pub build: BuildOptions,
     /// Rays of each of the four kinds that are compared.
@@ -60,6 +64,7 @@ impl Default for VerifyOptions {
     fn default() -> Self {
         VerifyOptions {
             device: DeviceChoice::default(),
+            matching: Matching::default(),
             build: BuildOptions::default(),
             rays_per_kind: 16_384,
             timed_rays_per_kind: None,
@@ -69,6 +74,17 @@ impl Default for VerifyOptions {
             sample_ratio: 1.0 / 16.0,
         }
     }
+}
+
+/// By what triangles of the output are matched with those of the input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Matching {
+    /// By what the output says about where each comes from; all of them are compared, exactly.
+    #[default]
+    Identity,
+    /// By nothing: only what rays see of the surfaces is compared, as far as their place, side and the name of
+    /// their material go.
+    Surface,
 }
 
 /// What a ray hits.
@@ -104,9 +120,14 @@ pub fn verify_with<T: Tracer>(
     tracers: [&T; 2],
     options: &VerifyOptions,
 ) -> Result<Verification, T::Error> {
+    let rays = rays::generate(before, reference, options.rays_per_kind as usize, options.seed);
+    if options.matching == Matching::Surface {
+        let surfaces = Surfaces::new(before, after, reference, rays.radius, options);
+        let compare = |kind, rays: &[_], hits: [&[_]; 2]| surfaces.compare(kind, rays, hits);
+        return Ok(verdict::judge(tracing::trace(before, &rays, tracers, options, compare)?, None, options));
+    }
     let identity = Identity::new(before, after);
     let structure = structure::compare(&identity, before, after, options.max_position_error_ratio);
-    let rays = rays::generate(before, reference, options.rays_per_kind as usize, options.seed);
     let comparison = Comparison::new(&identity, reference, &structure, rays.radius, options);
     let compare = |kind, rays: &[_], [before, after]: [&[_]; 2]| comparison.compare(kind, rays, before, after);
     let seen = tracing::trace(before, &rays, tracers, options, compare)?;

@@ -10,3 +10,4 @@ mod mutations;
 mod roundtrip;
 mod samples;
 mod validator;
+mod verify;

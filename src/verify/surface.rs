@@ -1,0 +1,422 @@
+//! What rays see of two files of which nobody can say which triangle is which: surfaces, by place, side and material.
+//!
+//! The truth about the input is what double precision finds: of each ray the closest triangle and, where the output
+//! shows something else there, the closest triangle of the material that the output names. The output is right where its
+//! hit lies on a triangle of the input whose material has the same name, with the same side seen, and nothing of the
+//! input lies before it.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::approach::Approach;
+use super::compare::{EXAMPLES, Errors, FAR_RATIO, Judgement, NEAR_RATIO, Side, Tally, at_an_end, material};
+use super::cpu::{Reference, TrueHit, TwoLevel};
+use super::rays::{Ray, RayKind};
+use super::structure::reference_length;
+use super::{Hit, VerifyOptions};
+use crate::scene::{Instance, Mesh, MeshId, Scene, TriangleRef};
+
+/// Two scenes and the truth about the first.
+pub(super) struct Surfaces<'a> {
+    /// The input and the output.
+    sides: [Side<'a>; 2],
+    reference: &'a Reference<'a>,
+    radius: f64,
+}
+
+/// A hit as one side claims it; lengths are world units.
+#[derive(Clone, Copy)]
+struct Claim<'a> {
+    distance: f64,
+    front: bool,
+    material: Option<&'a str>,
+    /// How far off line and corners may be.
+    slack: f64,
+    /// The nearest distance that could be meant.
+    near: f64,
+    /// Whether the ray passes an edge of the triangle hit, as its own file has it, within the slack, or begins or ends
+    /// there, so that rounding decides whether it is hit.
+    doubtful: bool,
+}
+
+/// A triangle of the input on the way of a ray.
+struct Truth<'a> {
+    approach: Approach,
+    slack: f64,
+    distance: f64,
+    material: Option<&'a str>,
+}
+
+/// A claim that is not plainly right.
+struct Doubt<'a> {
+    ray: usize,
+    side: usize,
+    claim: Option<Claim<'a>>,
+}
+
+impl<'a> Surfaces<'a> {
+    /// Prepares a comparison. Any corner of `after` may be off by the largest position error allowed.
+    pub(super) fn new(
+        before: &'a Scene,
+        after: &'a Scene,
+        reference: &'a Reference<'a>,
+        radius: f64,
+        options: &VerifyOptions,
+    ) -> Self {
+        let allowed = options.max_position_error_ratio * reference_length(before);
+        Surfaces { sides: [Side::new(before, None, 0.0), Side::new(after, None, allowed)], reference, radius }
+    }
+
+    /// Compares what the tracers say about rays.
+    pub(super) fn compare(&self, kind: RayKind, rays: &[Ray], hits: [&[Option<Hit>]; 2]) -> Tally {
+        let mut tally =
+            Tally { rays: rays.len() as u64, hits: hits[0].iter().flatten().count() as u64, ..Tally::default() };
+        let truths = self.reference.closest(rays);
+        let claims: Vec<[Option<Claim>; 2]> = (0..rays.len())
+            .into_par_iter()
+            .map(|i| [0, 1].map(|side| hits[side][i].as_ref().map(|hit| self.claim(side, &rays[i], hit))))
+            .collect();
+        let truths: Vec<Option<Truth>> =
+            rays.par_iter().zip(&truths).map(|(ray, t)| t.as_ref().map(|t| self.truth(ray, t))).collect();
+        let mut doubts = Vec::new();
+        for (ray, (claims, truth)) in claims.iter().zip(&truths).enumerate() {
+            self.first_look(ray, claims, truth.as_ref(), &mut doubts, &mut tally);
+        }
+        self.settle(kind, rays, &claims, &truths, &doubts, &mut tally);
+        tally
+    }
+
+    /// Enters errors and far hits, and puts aside what is not plainly right.
+    fn first_look(
+        &self,
+        ray: usize,
+        claims: &[Option<Claim<'a>>; 2],
+        truth: Option<&Truth>,
+        doubts: &mut Vec<Doubt<'a>>,
+        tally: &mut Tally,
+    ) {
+        for (side, claim) in claims.iter().enumerate() {
+            match (claim, truth) {
+                (None, None) => {}
+                (Some(claim), Some(truth)) if truth.shows(claim) => {
+                    let errors = if side == 0 { &mut tally.before } else { &mut tally.after };
+                    self.record(errors, claim, truth);
+                }
+                _ => doubts.push(Doubt { ray, side, claim: *claim }),
+            }
+        }
+        tally.far_hits += u64::from(match claims {
+            [None, None] => false,
+            [Some(before), Some(after)] => (before.distance - after.distance).abs() > FAR_RATIO * self.radius,
+            _ => true,
+        });
+    }
+
+    fn record(&self, errors: &mut Errors, claim: &Claim, truth: &Truth) {
+        if truth.approach.through {
+            errors.record((claim.distance - truth.distance).abs() / truth.distance.max(NEAR_RATIO * self.radius));
+        }
+    }
+
+    /// Judges the doubts, ray by ray.
+    fn settle(
+        &self,
+        kind: RayKind,
+        rays: &[Ray],
+        claims: &[[Option<Claim>; 2]],
+        truths: &[Option<Truth>],
+        doubts: &[Doubt],
+        tally: &mut Tally,
+    ) {
+        let there = self.are_there(rays, doubts);
+        let mut at = 0;
+        for of_ray in doubts.chunk_by(|a, b| a.ray == b.ray) {
+            let ray = of_ray[0].ray;
+            let mut judged = [Judgement::Right; 2];
+            for doubt in of_ray {
+                judged[doubt.side] = match doubt.claim {
+                    Some(claim) => judge_hit(&rays[ray], &claim, truths[ray].as_ref(), there[at]),
+                    None => judge_miss(&rays[ray], truths[ray].as_ref(), self.sides[doubt.side].position_error),
+                };
+                at += 1;
+            }
+            count(judged, agree(&claims[ray], FAR_RATIO * self.radius), tally);
+            if let Judgement::Wrong(why) = judged[1]
+                && tally.examples.len() < EXAMPLES
+            {
+                tally.examples.push(in_words(kind, ray, why, &claims[ray][1], &truths[ray]));
+            }
+        }
+    }
+
+    /// For each doubt whether the input has a surface where it is claimed, with the material and side claimed.
+    fn are_there(&self, rays: &[Ray], doubts: &[Doubt]) -> Vec<bool> {
+        let mut there = vec![false; doubts.len()];
+        let mut by_material: BTreeMap<Option<&str>, Vec<(usize, &Claim)>> = BTreeMap::new();
+        for (i, doubt) in doubts.iter().enumerate() {
+            if let Some(claim) = &doubt.claim {
+                by_material.entry(claim.material).or_default().push((i, claim));
+            }
+        }
+        for (name, claims) in by_material {
+            let scene = only(self.sides[0].scene, name);
+            let trees = TwoLevel::build(&scene);
+            let side = Side::new(&scene, None, 0.0);
+            let from: Vec<Ray> =
+                claims.iter().map(|(i, claim)| starting_at(&rays[doubts[*i].ray], claim.near)).collect();
+            for ((&(i, claim), ray), hit) in claims.iter().zip(&from).zip(Reference::new(&trees).closest(&from)) {
+                there[i] = hit.is_some_and(|hit| truth_in(&side, ray, &hit).shows(claim));
+            }
+        }
+        there
+    }
+
+    fn claim(&self, side: usize, ray: &Ray, hit: &Hit) -> Claim<'a> {
+        let side = &self.sides[side];
+        let at = TriangleRef { instance: hit.instance, triangle: hit.triangle };
+        let own = Approach::new(ray, &side.scene.world_corners(at));
+        let slack = side.slack(hit.instance, ray, &own);
+        Claim {
+            distance: f64::from(hit.t) * ray.direction.as_dvec3().length(),
+            front: hit.front,
+            material: name(side.scene, at),
+            slack,
+            near: own.window(2.0 * slack)[0],
+            doubtful: own.grazes(slack) || at_an_end(ray, &own, slack),
+        }
+    }
+
+    fn truth(&self, ray: &Ray, hit: &TrueHit) -> Truth<'_> {
+        truth_in(&self.sides[0], ray, hit)
+    }
+}
+
+impl Truth<'_> {
+    /// Whether a claim is about this triangle, or one that looks the same in the same place.
+    fn shows(&self, claim: &Claim) -> bool {
+        let slack = self.slack + claim.slack;
+        self.material == claim.material && self.is_at(claim) && {
+            claim.front == self.approach.front || self.approach.grazes(slack) || claim.doubtful
+        }
+    }
+
+    /// Whether rounding, or triangles off by `slack` more, decide that the ray meets this triangle.
+    fn is_doubtful(&self, ray: &Ray, slack: f64) -> bool {
+        let slack = self.slack + slack;
+        self.approach.grazes(slack) || at_an_end(ray, &self.approach, slack)
+    }
+
+    /// Whether a claim is in the place of this triangle.
+    fn is_at(&self, claim: &Claim) -> bool {
+        self.approach.explains(claim.distance, self.slack + claim.slack)
+    }
+}
+
+fn truth_in<'s>(side: &Side<'s>, ray: &Ray, hit: &TrueHit) -> Truth<'s> {
+    let approach = Approach::new(ray, &side.scene.world_corners(hit.at));
+    Truth {
+        slack: side.slack(hit.at.instance, ray, &approach),
+        distance: hit.t * ray.direction.as_dvec3().length(),
+        material: name(side.scene, hit.at),
+        approach,
+    }
+}
+
+/// Judges a claim; `is_there` tells whether the input has such a surface in that place.
+fn judge_hit(ray: &Ray, claim: &Claim, truth: Option<&Truth>, is_there: bool) -> Judgement {
+    use Judgement::{Silhouette, Tie, Wrong};
+    if !is_there && !claim.doubtful {
+        return Wrong(match truth {
+            Some(truth) if truth.is_at(claim) && truth.material == claim.material => "the other side of a surface",
+            Some(truth) if truth.is_at(claim) => "another material",
+            _ => "a surface that is somewhere else",
+        });
+    }
+    match truth {
+        None => Silhouette,
+        Some(truth) if truth.is_at(claim) && is_there => Tie,
+        Some(truth) if truth.is_at(claim) || claim.distance < truth.distance => Silhouette,
+        Some(truth) if truth.is_doubtful(ray, claim.slack) => Silhouette,
+        Some(_) => Wrong("a surface behind the one that is hit"),
+    }
+}
+
+/// Judges the claim that nothing is hit in a file whose triangles may be off by `position_error`.
+fn judge_miss(ray: &Ray, truth: Option<&Truth>, position_error: f64) -> Judgement {
+    match truth {
+        None => Judgement::Right,
+        Some(truth) if truth.is_doubtful(ray, position_error) => Judgement::Silhouette,
+        Some(_) => Judgement::Wrong("nothing"),
+    }
+}
+
+/// Enters one judged ray.
+fn count(judged: [Judgement; 2], agreed: bool, tally: &mut Tally) {
+    use Judgement::{Right, Silhouette, Tie, Wrong};
+    match judged.into() {
+        (Wrong(_), Wrong(_)) if agreed => tally.tracer_faults += 1,
+        (_, Wrong(_)) => tally.mismatches += 1,
+        (Wrong(_), _) => tally.tracer_faults += 1,
+        (Right, Right) => {}
+        _ if agreed => {}
+        (Silhouette, _) | (_, Silhouette) => tally.silhouettes += 1,
+        (Tie, _) | (_, Tie) => tally.ties += 1,
+    }
+}
+
+/// Whether both tracers say the same, distances apart by no more than `far`.
+fn agree(claims: &[Option<Claim>; 2], far: f64) -> bool {
+    match claims {
+        [None, None] => true,
+        [Some(b), Some(a)] => b.front == a.front && b.material == a.material && (b.distance - a.distance).abs() <= far,
+        _ => false,
+    }
+}
+
+/// The triangles of the materials with a name, in their place.
+fn only(scene: &Scene, wanted: Option<&str>) -> Scene {
+    let mut kept = Scene { materials: scene.materials.clone(), nodes: scene.nodes, ..Scene::default() };
+    let mut places: Vec<Option<MeshId>> = Vec::with_capacity(scene.meshes.len());
+    for mesh in &scene.meshes {
+        let mut first_triangle = 0;
+        let mut geometries: Vec<_> =
+            mesh.geometries.iter().filter(|g| name_of(scene, g.material) == wanted).cloned().collect();
+        for geometry in &mut geometries {
+            geometry.first_triangle = first_triangle;
+            first_triangle += geometry.triangles.len() as u32;
+        }
+        places.push((!geometries.is_empty()).then_some(MeshId(kept.meshes.len() as u32)));
+        if !geometries.is_empty() {
+            kept.meshes.push(Mesh { name: mesh.name.clone(), source: mesh.source, geometries, dropped: mesh.dropped });
+        }
+    }
+    let placed = (0..scene.instances.len()).filter_map(|i| {
+        let instance = &scene.instances[i];
+        places[instance.mesh.0 as usize].map(|mesh| Instance { mesh, ..instance.clone() })
+    });
+    kept.instances = placed.collect();
+    kept
+}
+
+/// A ray that counts hits from a distance in world units on only.
+fn starting_at(ray: &Ray, distance: f64) -> Ray {
+    let t = (distance / ray.direction.as_dvec3().length()) as f32;
+    Ray { t_min: ray.t_min.max(t.next_down()), ..*ray }
+}
+
+fn name(scene: &Scene, at: TriangleRef) -> Option<&str> {
+    name_of(scene, material(scene, at))
+}
+
+fn name_of(scene: &Scene, material: Option<u32>) -> Option<&str> {
+    material.and_then(|m| scene.materials.get(m as usize)).and_then(|m| m.name.as_deref())
+}
+
+fn in_words(kind: RayKind, ray: usize, why: &str, claim: &Option<Claim>, truth: &Option<Truth>) -> String {
+    let words = |material: Option<&str>, distance: f64| {
+        format!("material `{}` at distance {distance:.6}", material.unwrap_or("(none)"))
+    };
+    let shown = claim.as_ref().map_or(String::new(), |c| format!(" ({})", words(c.material, c.distance)));
+    let truly = truth.as_ref().map_or("nothing".into(), |t| words(t.material, t.distance));
+    format!("{kind:?} ray {ray}: the output shows {why}{shown}, the input {truly}")
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DVec3};
+    use proptest::prelude::*;
+
+    use super::super::test_scenes::{Style, cube, random_scene, room, scene};
+    use super::super::tests::{baked, tilted};
+    use super::super::{Matching, Verification, verify};
+    use super::*;
+
+    fn verified(before: &Scene, after: &Scene) -> Verification {
+        let options =
+            VerifyOptions { rays_per_kind: 2048, repeats: 1, matching: Matching::Surface, ..VerifyOptions::default() };
+        verify(before, after, &options)
+    }
+
+    /// A room whose materials have names.
+    fn named_room() -> Scene {
+        let mut scene = room();
+        for (material, name) in scene.materials.iter_mut().zip(["wall", "red", "blue", "none"]) {
+            material.name = Some(name.into());
+        }
+        scene
+    }
+
+    #[test]
+    fn what_shows_the_same_passes_whatever_it_is_made_of() {
+        let before = named_room();
+        for after in [named_room(), baked(&before, DAffine3::IDENTITY), baked(&before, tilted())] {
+            let found = verified(&before, &after);
+            assert!(found.passed(), "{found}");
+            assert_eq!((found.mismatches, found.tracer_faults, found.structure), (0, 0, None));
+            assert!(found.hits > 4096 && found.position_error_ratio.is_nan());
+        }
+    }
+
+    #[test]
+    fn materials_go_by_their_name() {
+        let before = named_room();
+        let mut after = named_room();
+        after.materials.swap(1, 2);
+        let found = verified(&before, &after);
+        assert!(found.mismatches > 100 && found.failures[0].contains("another material"), "{found}");
+        let (geometries, swapped) = (&mut after.meshes[1].geometries, [Some(2), Some(1)]);
+        geometries.iter_mut().zip(swapped).for_each(|(g, m)| g.material = m);
+        assert!(verified(&before, &after).passed());
+    }
+
+    #[test]
+    fn planted_faults_are_seen() {
+        type Fault = fn(&mut Scene);
+        let faults: [(&str, Fault); 5] = [
+            ("moved", |s| s.meshes[1].geometries[0].positions[4].x += 0.05),
+            ("lost", |s| s.meshes[0].geometries[0].triangles[3] = [0; 3]),
+            ("flipped", |s| s.meshes[0].geometries[0].triangles[5].swap(0, 1)),
+            ("shrunk", |s| s.instances[3].transform *= DAffine3::from_scale(DVec3::splat(0.9))),
+            ("gone", |s| s.instances.truncate(5)),
+        ];
+        for (name, fault) in faults {
+            let mut after = named_room();
+            fault(&mut after);
+            let found = verified(&named_room(), &after);
+            assert!(!found.passed() && found.mismatches > 0, "{name}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn of_surfaces_in_one_place_either_may_be_shown() {
+        let two =
+            |first, second| scene(vec![cube(0, Some(first)), cube(1, Some(second))], &[(0, tilted()), (1, tilted())]);
+        let named = |mut scene: Scene| {
+            scene.materials.iter_mut().zip(["a", "b", "c"]).for_each(|(m, name)| m.name = Some(name.into()));
+            scene
+        };
+        let found = verified(&named(two(0, 1)), &named(two(1, 0)));
+        assert!(found.passed() && found.ties > 100, "{found:?}");
+        assert!(!verified(&named(two(0, 1)), &named(two(2, 2))).passed());
+    }
+
+    #[test]
+    fn nothing_is_nothing() {
+        assert!(verified(&Scene::default(), &Scene::default()).passed());
+        assert!(!verified(&room(), &Scene::default()).passed());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+
+        #[test]
+        fn rounding_is_never_a_mismatch(seed: u64, [on_grid, thin, wild] in any::<[bool; 3]>()) {
+            let before = random_scene(seed, Style { size: 1.0, offset: 0.0, on_grid, thin, wild });
+            for after in [before.clone(), baked(&before, DAffine3::IDENTITY)] {
+                let found = verified(&before, &after);
+                prop_assert_eq!(found.mismatches, 0, "{}", found);
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! `raykiln verify`: two files of one scene, whoever wrote them.
+
+use crate::common::{Ran, bake, gltf, raykiln, samples, write};
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+fn sample(name: &str) -> PathBuf {
+    samples().into_iter().find(|s| s.name == name).expect("the sample is there").scene
+}
+
+fn verify(before: &Path, after: &Path, more: &[&str]) -> Ran {
+    let (before, after) = (before.to_str().unwrap(), after.to_str().unwrap());
+    let fixed = ["verify", before, after, "--device", "cpu", "--rays", "1000", "--repeats", "1"];
+    raykiln(fixed.iter().chain(more))
+}
+
+/// A sample's bake as somebody else might have written it: it says nothing about where its triangles come from.
+fn by_a_stranger(sample_name: &str, folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
+    let output = folder.join("out.gltf");
+    bake(&sample(sample_name), &output, &["--method", "single"]);
+    let mut json: Value = serde_json::from_slice(&fs::read(&output).unwrap()).unwrap();
+    let strip = |value: &mut Value| {
+        value["extras"].as_object_mut().map(|extras| extras.remove("raykiln"));
+    };
+    json["nodes"].as_array_mut().unwrap().iter_mut().filter(|n| n["extras"].is_object()).for_each(strip);
+    for mesh in json["meshes"].as_array_mut().unwrap() {
+        mesh["primitives"].as_array_mut().unwrap().iter_mut().filter(|p| p["extras"].is_object()).for_each(strip);
+    }
+    change(&mut json);
+    fs::write(&output, serde_json::to_vec(&json).unwrap()).unwrap();
+    output
+}
+
+#[test]
+fn a_bake_is_verified_triangle_by_triangle() {
+    for name in ["overlapping", "materials", "instanced"] {
+        let folder = TempDir::new().unwrap();
+        let output = folder.path().join("out.glb");
+        bake(&sample(name), &output, &["--method", "single"]);
+        let ran = verify(&sample(name), &output, &["--json"]);
+        assert_eq!((ran.status, ran.stderr.as_str()), (0, ""), "{name}");
+        let report = ran.json();
+        assert_eq!(report["matched_by"], "identity", "{name}");
+        let placed = &report["before"]["triangles_placed"];
+        assert_eq!(&report["verify"]["structure"]["triangles_after"], placed, "{name}");
+        assert_eq!(report["verify"]["mismatches"], 0, "{name}");
+    }
+}
+
+#[test]
+fn of_a_strangers_output_surfaces_are_compared() {
+    for name in ["overlapping", "materials", "instanced", "textured"] {
+        let folder = TempDir::new().unwrap();
+        let output = by_a_stranger(name, folder.path(), |_| {});
+        let ran = verify(&sample(name), &output, &["--json"]);
+        assert_eq!((ran.status, ran.stderr.as_str()), (0, ""), "{name}");
+        let report = ran.json();
+        assert_eq!(report["matched_by"], "surface", "{name}");
+        assert!(report["verify"].get("structure").is_none(), "{name}: {report}");
+        assert!(report["verify"]["hits"].as_u64() > Some(0), "{name}");
+        let text = verify(&sample(name), &output, &[]);
+        assert!(text.stdout.contains("only surfaces are compared"), "{}", text.stdout);
+    }
+}
+
+#[test]
+fn a_strangers_faults_are_failures() {
+    let folder = TempDir::new().unwrap();
+    let output = by_a_stranger("materials", folder.path(), |json| {
+        let materials = json["materials"].as_array_mut().unwrap();
+        materials.iter_mut().for_each(|m| m["name"] = "paint".into());
+    });
+    let ran = verify(&sample("materials"), &output, &[]);
+    assert_eq!(ran.status, 1, "{}{}", ran.stdout, ran.stderr);
+    assert!(ran.stderr.contains("another material"), "{}", ran.stderr);
+
+    let before = write(folder.path(), "before.glb", gltf(CORNERS, [0, 1, 2], |_| {}));
+    let moved = CORNERS.map(|[x, y, z]| [x + 0.01, y, z]);
+    let after = write(folder.path(), "after.glb", gltf(moved, [0, 1, 2], |_| {}));
+    let report = folder.path().join("report.json");
+    let ran = verify(&before, &after, &["--report", report.to_str().unwrap()]);
+    assert_eq!(ran.status, 1, "{}", ran.stdout);
+    let json: Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();
+    assert_eq!(json["verdict"], "failed");
+    // Two hundredths of the diagonal are far more than that.
+    assert_eq!(verify(&before, &after, &["--max-position-error-ratio", "0.02"]).status, 0);
+}
+
+#[test]
+fn what_cannot_be_read_ends_with_status_2() {
+    let folder = TempDir::new().unwrap();
+    let good = write(folder.path(), "good.glb", gltf(CORNERS, [0, 1, 2], |_| {}));
+    let bad = write(folder.path(), "bad.glb", b"glTF");
+    for (before, after) in [(&good, &bad), (&bad, &good), (&good, &folder.path().join("none.glb"))] {
+        let ran = verify(before, after, &[]);
+        assert_eq!((ran.status, ran.stdout.as_str()), (2, ""));
+        assert!(ran.stderr.starts_with("error: "), "{}", ran.stderr);
+    }
+}
+
+#[test]
+fn a_device_verifies_two_files_too() {
+    let folder = TempDir::new().unwrap();
+    let output = by_a_stranger("overlapping", folder.path(), |_| {});
+    let (before, after) = (sample("overlapping"), output);
+    let (before, after) = (before.to_str().unwrap(), after.to_str().unwrap());
+    let ran = raykiln(["verify", before, after, "--device", "llvmpipe", "--rays", "500", "--repeats", "1", "--json"]);
+    assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
+    assert!(ran.json()["verify"]["blas_bytes"]["before"].as_u64() > Some(0));
+}
