@@ -58,11 +58,7 @@ fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
             clap_complete::generate(*shell, &mut Arguments::command(), "raykiln", &mut script);
             print(&script)
         }
-        Command::Man => {
-            let mut page = Vec::new();
-            clap_mangen::Man::new(Arguments::command()).render(&mut page)?;
-            print(&page)
-        }
+        Command::Man => print(&manual()?),
     }
 }
 
@@ -130,7 +126,19 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     if arguments.json { print(json.as_bytes()) } else { print(report::text::inspect(&report).as_bytes()) }
 }
 
-/// Refuses report files of a kind that cannot be written, before any work is done.
+/// The manual: a page of the program and one of each command.
+fn manual() -> Result<Vec<u8>> {
+    let mut command = Arguments::command();
+    command.build();
+    let mut pages = Vec::new();
+    clap_mangen::Man::new(command.clone()).render(&mut pages)?;
+    for subcommand in command.get_subcommands().filter(|c| c.get_name() != "help") {
+        clap_mangen::Man::new(subcommand.clone()).render(&mut pages)?;
+    }
+    Ok(pages)
+}
+
+/// Refuses report files that cannot be written, before any work is done.
 fn check_reports(files: &[PathBuf]) -> Result<()> {
     for file in files {
         let is_json = |f: &Path| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
@@ -139,6 +147,8 @@ fn check_reports(files: &[PathBuf]) -> Result<()> {
             "--report {}: only reports with the extension .json can be written",
             file.display()
         );
+        let folder = file.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        anyhow::ensure!(folder.is_dir(), "--report {}: there is no folder {}", file.display(), folder.display());
     }
     Ok(())
 }

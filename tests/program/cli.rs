@@ -185,4 +185,17 @@ fn completions_and_the_manual_page_are_printed() {
     let page = raykiln(["man"]);
     assert_eq!(page.status, 0, "{}", page.stderr);
     assert!(page.stdout.starts_with(".ie") && page.stdout.contains(".TH raykiln 1"), "{}", page.stdout);
+    for command in ["bake", "verify", "inspect", "devices"] {
+        assert!(page.stdout.contains(&format!(".TH raykiln-{command} 1")), "{command}");
+    }
+}
+
+#[test]
+fn a_report_that_cannot_be_written_is_refused_before_any_output() {
+    let folder = TempDir::new().unwrap();
+    let report = folder.path().join("nowhere/report.json");
+    let (ran, outputs) = bake_heaps(&["--report", report.to_str().unwrap()]);
+    assert_eq!(ran.status, 2);
+    assert!(ran.stderr.contains("there is no folder"), "{}", ran.stderr);
+    assert!(folder_names(outputs.path()).is_empty());
 }
