@@ -69,10 +69,7 @@ fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
     let report = bake::bake(&arguments.input, &arguments.output, &options, &mut |stage| progress.enter(stage.label()));
     progress.finish();
     let report = report?;
-    let json = report::json::to_json(&report);
-    for file in &arguments.report {
-        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
-    }
+    let json = write_reports(&report, &arguments.report)?;
     if !output.quiet {
         report::text::bake(&report, output.verbose > 0);
     }
@@ -95,10 +92,7 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     let report = compare::compare(&arguments.before, &arguments.after, &arguments.verify.options());
     progress.finish();
     let report = report?;
-    let json = report::json::to_json(&report);
-    for file in &arguments.report {
-        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
-    }
+    let json = write_reports(&report, &arguments.report)?;
     if arguments.json {
         print(json.as_bytes())?;
     } else if !output.quiet {
@@ -119,10 +113,7 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     let report = inspect::inspect(&arguments.input, &load);
     progress.finish();
     let report = report?;
-    let json = report::json::to_json(&report);
-    for file in &arguments.report {
-        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
-    }
+    let json = write_reports(&report, &arguments.report)?;
     if arguments.json { print(json.as_bytes()) } else { print(report::text::inspect(&report).as_bytes()) }
 }
 
@@ -136,6 +127,15 @@ fn manual() -> Result<Vec<u8>> {
         clap_mangen::Man::new(subcommand.clone()).render(&mut pages)?;
     }
     Ok(pages)
+}
+
+/// Writes a report to the files asked for; returns it as JSON.
+fn write_reports(report: &impl serde::Serialize, files: &[PathBuf]) -> Result<String> {
+    let json = report::json::to_json(report);
+    for file in files {
+        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
+    }
+    Ok(json)
 }
 
 /// Refuses report files that cannot be written, before any work is done.

@@ -31,14 +31,18 @@ pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
         text += &candidates(report);
         text += &passes(report);
     }
-    text.push('\n');
-    text += &table(&["", "before", "after"], &comparison([&report.before, &report.after]));
-    text.push('\n');
-    text += &structures(&report.verify);
-    text += &rays(&report.verify);
-    text += &errors(&report.verify);
+    text += &before_and_after([&report.before, &report.after], &report.verify);
     text += &seconds(report);
     let _ = writeln!(text, "\nverdict: {}", verdict(report.verdict));
+    text
+}
+
+/// The metrics of both layouts, and what tracing them showed.
+fn before_and_after(metrics: [&Metrics; 2], verification: &Verification) -> String {
+    let mut text = format!("\n{}\n", table(&["", "before", "after"], &comparison(metrics)));
+    text += &structures(verification);
+    text += &rays(verification);
+    text += &errors(verification);
     text
 }
 
@@ -51,12 +55,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     if report.verify.structure.is_none() {
         text += "only surfaces are compared: the output does not say where its triangles come from\n";
     }
-    text.push('\n');
-    text += &table(&["", "before", "after"], &comparison([&report.before, &report.after]));
-    text.push('\n');
-    text += &structures(&report.verify);
-    text += &rays(&report.verify);
-    text += &errors(&report.verify);
+    text += &before_and_after([&report.before, &report.after], &report.verify);
     let shown = match report.verdict {
         Verdict::Failed => "failed: the files do not show the same",
         Verdict::Faster => "the same surfaces, traced faster",

@@ -77,6 +77,20 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// Enters what a ray says of the input and of the output, judged; `agreed` tells whether both say the same.
+    pub(super) fn count(&mut self, judged: [Judgement; 2], agreed: bool) {
+        use Judgement::{Right, Silhouette, Tie, Wrong};
+        match judged.into() {
+            (Wrong(_), Wrong(_)) if agreed => self.tracer_faults += 1,
+            (_, Wrong(_)) => self.mismatches += 1,
+            (Wrong(_), _) => self.tracer_faults += 1,
+            (Right, Right) => {}
+            _ if agreed => {}
+            (Silhouette, _) | (_, Silhouette) => self.silhouettes += 1,
+            (Tie, _) | (_, Tie) => self.ties += 1,
+        }
+    }
+
     /// Adds what another comparison found.
     pub fn add(&mut self, other: Tally) {
         self.rays += other.rays;
@@ -234,17 +248,7 @@ impl<'a> Comparison<'a> {
 
     /// Enters one judged ray.
     fn count(&self, doubt: &Doubt, before: Judgement, after: Judgement, tally: &mut Tally) {
-        use Judgement::{Right, Silhouette, Tie, Wrong};
-        let agreed = doubt.is_agreement();
-        match (before, after) {
-            (Wrong(_), Wrong(_)) if agreed => tally.tracer_faults += 1,
-            (_, Wrong(_)) => tally.mismatches += 1,
-            (Wrong(_), _) => tally.tracer_faults += 1,
-            (Right, Right) => {}
-            _ if agreed => {}
-            (Silhouette, _) | (_, Silhouette) => tally.silhouettes += 1,
-            (Tie, _) | (_, Tie) => tally.ties += 1,
-        }
+        tally.count([before, after], doubt.is_agreement());
         tally.far_hits += u64::from(self.is_far(doubt));
     }
 

@@ -141,7 +141,7 @@ impl<'a> Surfaces<'a> {
                 };
                 at += 1;
             }
-            count(judged, agree(&claims[ray], FAR_RATIO * self.radius), tally);
+            tally.count(judged, agree(&claims[ray], FAR_RATIO * self.radius));
             if let Judgement::Wrong(why) = judged[1]
                 && tally.examples.len() < EXAMPLES
             {
@@ -248,20 +248,6 @@ fn judge_miss(ray: &Ray, truth: Option<&Truth>, position_error: f64) -> Judgemen
         None => Judgement::Right,
         Some(truth) if truth.is_doubtful(ray, position_error) => Judgement::Silhouette,
         Some(_) => Judgement::Wrong("nothing"),
-    }
-}
-
-/// Enters one judged ray.
-fn count(judged: [Judgement; 2], agreed: bool, tally: &mut Tally) {
-    use Judgement::{Right, Silhouette, Tie, Wrong};
-    match judged.into() {
-        (Wrong(_), Wrong(_)) if agreed => tally.tracer_faults += 1,
-        (_, Wrong(_)) => tally.mismatches += 1,
-        (Wrong(_), _) => tally.tracer_faults += 1,
-        (Right, Right) => {}
-        _ if agreed => {}
-        (Silhouette, _) | (_, Silhouette) => tally.silhouettes += 1,
-        (Tie, _) | (_, Tie) => tally.ties += 1,
     }
 }
 
