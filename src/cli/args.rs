@@ -145,6 +145,18 @@ struct LayoutArguments {
     /// the input's [default: 1.25 for auto, no limit otherwise]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     max_bytes_ratio: Option<f64>,
+    /// cluster: what it costs to enter an instance, in steps from node to node
+    #[arg(long, value_name = "STEPS", default_value_t = layout::Options::default().entry_cost, value_parser = ratio)]
+    entry_cost: f64,
+    /// cluster: store groups in frames of their own
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    frames: bool,
+    /// cluster: most triangles of a group [default: no limit]
+    #[arg(long, value_name = "N")]
+    max_group_triangles: Option<u32>,
+    /// cluster: longest side of a group's box over that of the scene's [default: no limit]
+    #[arg(long, value_name = "RATIO", value_parser = ratio)]
+    max_group_extent_ratio: Option<f64>,
 }
 
 #[derive(Debug, Args)]
@@ -228,6 +240,8 @@ enum MethodArgument {
     Bvh,
     /// Split and merge objects until their boxes overlap little
     Overlap,
+    /// Groups of least predicted cost, each stored in the frame that fits it best
+    Cluster,
 }
 
 impl From<MethodArgument> for Choice {
@@ -239,6 +253,7 @@ impl From<MethodArgument> for Choice {
             MethodArgument::PerObject => Method::PerObject,
             MethodArgument::Bvh => Method::Bvh,
             MethodArgument::Overlap => Method::Overlap,
+            MethodArgument::Cluster => Method::Cluster,
         })
     }
 }
@@ -265,6 +280,11 @@ impl BakeArguments {
                 termination_overlap_ratio: l.termination_overlap_ratio,
                 min_triangles: l.min_triangles,
                 max_bytes_ratio: l.max_bytes_ratio,
+                entry_cost: l.entry_cost,
+                frames: l.frames,
+                max_group_triangles: l.max_group_triangles,
+                max_group_extent_ratio: l.max_group_extent_ratio,
+                ..layout::Options::default()
             },
             load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
             prune: self.prune,

@@ -104,6 +104,11 @@ impl Tree {
         build_over(boxes, (0..boxes.len() as u32).filter(|&i| usable(&boxes[i as usize])).collect(), quality)
     }
 
+    /// Builds a tree in which the items of each part stay together: a tree over each part, and one over the parts.
+    pub fn of_parts(boxes: &[Bounds], parts: Vec<Vec<u32>>, quality: Quality) -> Tree {
+        join_crowds(boxes, Vec::new(), parts, quality)
+    }
+
     /// The box around the items below every node, given the boxes of all items; parallel to `nodes`.
     pub fn bounds(&self, boxes: &[Bounds]) -> Vec<Bounds> {
         let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));

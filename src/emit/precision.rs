@@ -29,7 +29,7 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settl
         }
         let bounds = bounds(scene, geometries);
         if error > limit.min(max_error_ratio * bounds.diagonal()) {
-            *frame = centre(&bounds);
+            frame.translation = centre(&bounds);
             settled.centred += 1;
         }
         if error > limit && largest_error(scene, geometries, *frame) > limit {
@@ -78,8 +78,8 @@ fn bounds(scene: &Scene, geometries: &[GroupGeometry]) -> Bounds {
         .reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
 }
 
-/// The translation to the middle of a group, rounded so that a file that is read in single precision holds it.
-fn centre(bounds: &Bounds) -> DAffine3 {
+/// The middle of a group, rounded so that a file that is read in single precision holds it.
+fn centre(bounds: &Bounds) -> DVec3 {
     let middle = bounds.center().as_vec3().as_dvec3();
-    DAffine3::from_translation(if middle.is_finite() { middle } else { DVec3::ZERO })
+    if middle.is_finite() { middle } else { DVec3::ZERO }
 }

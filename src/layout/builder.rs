@@ -157,8 +157,12 @@ impl<'a> Builder<'a> {
 
     /// Adds a group of placed triangles.
     pub(super) fn bake(&mut self, name: String, geometries: Geometries) {
-        let content = Content::Baked { frame: DAffine3::IDENTITY, geometries: geometries.finish() };
-        self.baked.push(Group { name, content });
+        self.bake_in(DAffine3::IDENTITY, name, geometries);
+    }
+
+    /// Adds a group of placed triangles that are stored in a frame: world from group.
+    pub(super) fn bake_in(&mut self, frame: DAffine3, name: String, geometries: Geometries) {
+        self.baked.push(Group { name, content: Content::Baked { frame, geometries: geometries.finish() } });
     }
 
     /// Adds a remark for the report.

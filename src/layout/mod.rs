@@ -3,6 +3,8 @@
 mod builder;
 mod bvh;
 mod check;
+mod cluster;
+mod frames;
 mod instancing;
 mod keep;
 mod order;
@@ -93,11 +95,14 @@ pub enum Method {
     Bvh,
     /// Overlap reduction by splitting and merging.
     Overlap,
+    /// Groups of least predicted cost, each in its own frame.
+    Cluster,
 }
 
 impl Method {
     /// All methods, the unchanged scene first.
-    pub const ALL: [Method; 5] = [Method::Keep, Method::Single, Method::PerObject, Method::Bvh, Method::Overlap];
+    pub const ALL: [Method; 6] =
+        [Method::Keep, Method::Single, Method::PerObject, Method::Bvh, Method::Overlap, Method::Cluster];
 
     /// The name on the command line and in reports.
     pub fn name(self) -> &'static str {
@@ -107,6 +112,7 @@ impl Method {
             Method::PerObject => "per-object",
             Method::Bvh => "bvh",
             Method::Overlap => "overlap",
+            Method::Cluster => "cluster",
         }
     }
 }
@@ -130,6 +136,16 @@ pub struct Options {
     pub min_triangles: usize,
     /// Predicted BLAS and TLAS bytes allowed over the input's; instances stay instanced beyond it. `None`: no limit.
     pub max_bytes_ratio: Option<f64>,
+    /// `cluster`: what it costs to enter an instance, in steps from node to node.
+    pub entry_cost: f64,
+    /// `cluster`: whether groups may be stored in frames of their own.
+    pub frames: bool,
+    /// `cluster`: a part of fewer triangles gets no frame of its own.
+    pub min_turned_triangles: u32,
+    /// `cluster`: most triangles of a group. `None`: no limit.
+    pub max_group_triangles: Option<u32>,
+    /// `cluster`: longest side of a group's box over the longest side of the box of all. `None`: no limit.
+    pub max_group_extent_ratio: Option<f64>,
 }
 
 impl Default for Options {
@@ -146,6 +162,11 @@ impl Default for Options {
             termination_overlap_ratio: 0.0,
             min_triangles: 8,
             max_bytes_ratio: None,
+            entry_cost: crate::cost::two_level::INSTANCE_ENTRY,
+            frames: true,
+            min_turned_triangles: 16,
+            max_group_triangles: None,
+            max_group_extent_ratio: None,
         }
     }
 }
@@ -161,6 +182,7 @@ pub fn run(method: Method, scene: &Scene, options: &Options) -> Layout {
         Method::PerObject => per_object::per_object(scene, options),
         Method::Bvh => bvh::bvh(scene, options),
         Method::Overlap => overlap::overlap(scene, options),
+        Method::Cluster => cluster::cluster(scene, options),
     };
     debug_assert_eq!(layout.check(scene), Ok(()), "{method:?}");
     layout

@@ -15,13 +15,18 @@ pub(super) fn single(scene: &Scene, options: &Options) -> Layout {
     bake_within_limits(scene, options, |bake| {
         let mut layout = Builder::new(scene);
         bake.left().for_each(|instance| layout.keep(instance));
-        match *bake.baked().collect::<Vec<_>>() {
-            [] => {}
-            [lone] => layout.place_joined(lone),
-            ref several => layout.bake("scene".to_owned(), join(scene, several)),
-        }
+        join_all(scene, &bake.baked().collect::<Vec<_>>(), &mut layout);
         layout.finish()
     })
+}
+
+/// Adds one group of some instances to a layout.
+pub(super) fn join_all(scene: &Scene, instances: &[InstanceId], layout: &mut Builder) {
+    match *instances {
+        [] => {}
+        [lone] => layout.place_joined(lone),
+        ref several => layout.bake("scene".to_owned(), join(scene, several)),
+    }
 }
 
 fn join(scene: &Scene, instances: &[InstanceId]) -> Geometries {

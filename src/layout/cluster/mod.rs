@@ -1,0 +1,158 @@
+//! `cluster`: groups of least predicted cost, whatever objects their triangles belong to, each in the frame that fits
+//! it best.
+//!
+//! Helps scenes whose parts are turned against the axes and thin geometry (pipes, cables, railings, furniture at an
+//! angle), and bounds groups for engines that stream them; on geometry along the axes it comes to what `single` does.
+//! A tree over all triangles is cut by a dynamic programme ([`programme`]). Of three trees the one that cuts best is
+//! taken: over triangles, over connected components and over objects, since long thin parts that cross do not come
+//! apart in space.
+
+mod programme;
+mod refit;
+mod soup;
+mod units;
+
+use std::collections::BTreeMap;
+
+use glam::{DAffine3, DVec3};
+
+use super::builder::{Builder, Geometries, Object, objects};
+use super::instancing::bake_within_limits;
+use super::{Layout, Options, frames, single};
+use crate::cost::sah::TRAVERSAL;
+use crate::cost::tree::{Quality, Tree};
+use crate::layout::frames::Search;
+use crate::scene::{Bounds, InstanceId, Scene};
+use programme::Group;
+use refit::Refit;
+use soup::{Soup, Turned};
+
+/// Another frame for all triangles must cost less than this share to be taken.
+const WORTH_TURNING: f64 = 0.97;
+
+/// Nodes of the TLAS that a group adds, each as large as its box.
+const TLAS_NODES: f64 = 2.0;
+
+/// What groups are allowed to be; lengths in half diagonals of the scene.
+struct Limits {
+    entry_cost: f64,
+    frames: bool,
+    min_turned: u32,
+    max_triangles: u32,
+    max_extent: f64,
+}
+
+impl Limits {
+    fn of(options: &Options, soup: &Soup, frames: bool) -> Limits {
+        let all = (0..soup.len() as u32).map(|t| soup.bounds_in(&Turned::NOT, t));
+        let extent = all.fold(Bounds::EMPTY, |a, b| a.union(&b)).size().max_element();
+        Limits {
+            entry_cost: options.entry_cost,
+            frames,
+            min_turned: options.min_turned_triangles,
+            max_triangles: options.max_group_triangles.unwrap_or(u32::MAX),
+            max_extent: options.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
+        }
+    }
+
+    /// What it costs to meet a group that leaves another one: its entry, and what it adds to the TLAS.
+    fn leaving_cost(&self) -> f64 {
+        self.entry_cost + TLAS_NODES * TRAVERSAL
+    }
+
+    fn allow(&self, triangles: u32, bounds: &Bounds) -> bool {
+        triangles <= self.max_triangles && bounds.size().max_element() <= self.max_extent
+    }
+}
+
+/// The groups of least predicted cost.
+pub(super) fn cluster(scene: &Scene, options: &Options) -> Layout {
+    bake_within_limits(scene, options, |bake| {
+        let mut layout = Builder::new(scene);
+        bake.left().for_each(|instance| layout.keep(instance));
+        let baked: Vec<InstanceId> = bake.baked().collect();
+        let soup = Soup::new(scene, baked.iter().copied());
+        match best_cut(&soup, options).as_slice() {
+            [] => single::join_all(scene, &baked, &mut layout),
+            [one] if one.frame == Turned::NOT => single::join_all(scene, &baked, &mut layout),
+            groups => push(scene, &baked, &soup, groups, &mut layout),
+        }
+        layout.finish()
+    })
+}
+
+/// The best cut of the trees over triangles, components and objects.
+fn best_cut(soup: &Soup, options: &Options) -> Vec<Group> {
+    let tree = Tree::build_usable(&soup.boxes_in(&Turned::NOT), Quality::Medium);
+    if tree.order.len() < soup.len() {
+        return Vec::new();
+    }
+    let base = if options.frames { best_frame(soup, &tree) } else { Turned::NOT };
+    let limits = Limits::of(options, soup, options.frames);
+    let boxes = soup.boxes_in(&base);
+    let tree = if base == Turned::NOT { tree } else { Tree::build(&boxes, Quality::Medium) };
+    let mut best = programme::cut(soup, &tree, base, &limits);
+    drop(tree);
+    for units in [units::components(soup), units::objects(soup)].into_iter().flatten() {
+        let other = programme::cut(soup, &Tree::of_parts(&boxes, units, Quality::Medium), base, &limits);
+        if other.1 < best.1 {
+            best = other;
+        }
+    }
+    best.0
+}
+
+/// The frame in which a tree over all triangles, refitted, costs least; the world's unless another is clearly better.
+fn best_frame(soup: &Soup, tree: &Tree) -> Turned {
+    let mut refit = Refit::default();
+    let mut cost = |frame: &Turned| refit.part(tree, 0, |t| soup.bounds_in(frame, t)).cost;
+    let rotations = frames::rotations((0..soup.len() as u32).map(|t| soup.corners(t)), Search::SCENE);
+    let world = WORTH_TURNING * cost(&Turned::NOT);
+    let tried = rotations.into_iter().map(Turned::by).map(|frame| (cost(&frame), frame));
+    tried.fold((world, Turned::NOT), |best, tried| if tried.0 < best.0 { tried } else { best }).1
+}
+
+/// Adds groups to a layout.
+fn push(scene: &Scene, baked: &[InstanceId], soup: &Soup, groups: &[Group], layout: &mut Builder) {
+    let objects = objects(scene, baked.iter().copied());
+    let object_of = |t: u32| soup.objects.partition_point(|&first| first <= t) - 1;
+    let mut numbers = vec![0u32; objects.len()];
+    for group in groups {
+        let mut geometries = Geometries::default();
+        let mut sizes: BTreeMap<usize, usize> = BTreeMap::new();
+        for run in group.items.chunk_by(|&a, &b| object_of(a) == object_of(b)) {
+            let object = object_of(run[0]);
+            *sizes.entry(object).or_default() += run.len();
+            geometries.add(objects[object].geometry(scene), run.iter().map(|&t| soup.refs[t as usize]));
+        }
+        let name = name(scene, &objects, soup, &sizes, &mut numbers);
+        layout.bake_in(frame(scene, soup, group), name, geometries);
+    }
+}
+
+/// World from group: the group's rotation, about the middle of its triangles where it is turned.
+fn frame(scene: &Scene, soup: &Soup, group: &Group) -> DAffine3 {
+    if group.frame == Turned::NOT {
+        return DAffine3::IDENTITY;
+    }
+    let corners = group.items.iter().flat_map(|&t| scene.world_corners(soup.refs[t as usize]));
+    let middle = Bounds::of(corners).center().as_vec3().as_dvec3();
+    DAffine3 { matrix3: group.frame.rotation, translation: if middle.is_finite() { middle } else { DVec3::ZERO } }
+}
+
+/// The name of the object with the most triangles in a group: with the next number where the group is only a part of
+/// that object, with the number of further objects where there are others.
+fn name(scene: &Scene, objects: &[Object], soup: &Soup, sizes: &BTreeMap<usize, usize>, numbers: &mut [u32]) -> String {
+    let largest = sizes.iter().max_by_key(|(object, size)| (**size, std::cmp::Reverse(**object)));
+    let Some((&object, &size)) = largest else { return String::new() };
+    let base = objects[object].name(scene);
+    let whole = (soup.objects[object + 1] - soup.objects[object]) as usize;
+    if sizes.len() > 1 {
+        return format!("{base} + {}", sizes.len() - 1);
+    }
+    if size == whole {
+        return base;
+    }
+    numbers[object] += 1;
+    format!("{base}.{}", numbers[object] - 1)
+}

@@ -1,0 +1,83 @@
+//! The triangles of a scene that may be grouped at will, placed, whatever object they belong to.
+
+use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::layout::builder::objects;
+use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
+
+/// Placed triangles. Corners are seen from the middle of the scene, in half diagonals of the scene, where single
+/// precision is enough to choose a group: what is stored is computed from the input, in double precision.
+pub(super) struct Soup {
+    /// Which triangles.
+    pub(super) refs: Vec<TriangleRef>,
+    corners: Vec<[Vec3; 3]>,
+    /// The first triangle of every object, and the number of all triangles.
+    pub(super) objects: Vec<u32>,
+}
+
+impl Soup {
+    /// The triangles of some instances, in the order of the scene.
+    pub(super) fn new(scene: &Scene, instances: impl IntoIterator<Item = InstanceId>) -> Soup {
+        let bounds = scene.bounds();
+        let (middle, unit) = (bounds.center(), 2.0 / bounds.diagonal());
+        let unit = if unit.is_finite() { unit } else { 1.0 };
+        let mut soup = Soup { refs: Vec::new(), corners: Vec::new(), objects: vec![0] };
+        for object in objects(scene, instances) {
+            soup.refs.extend(object.triangles(scene));
+            soup.objects.push(soup.refs.len() as u32);
+        }
+        let seen = |p: DVec3| ((p - middle) * unit).as_vec3();
+        soup.corners = soup.refs.par_iter().map(|&at| scene.world_corners(at).map(seen)).collect();
+        soup
+    }
+
+    /// Number of triangles.
+    pub(super) fn len(&self) -> usize {
+        self.refs.len()
+    }
+
+    /// Corners of a triangle.
+    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.corners[triangle as usize].map(|p| p.as_dvec3())
+    }
+
+    /// Corners as they are stored, for telling whether two triangles share one.
+    pub(super) fn stored(&self, triangle: u32) -> &[Vec3; 3] {
+        &self.corners[triangle as usize]
+    }
+
+    /// The box of a triangle in a frame.
+    pub(super) fn bounds_in(&self, frame: &Turned, triangle: u32) -> Bounds {
+        Bounds::of(self.corners(triangle).map(|p| frame.into * p))
+    }
+
+    /// The boxes of all triangles in a frame.
+    pub(super) fn boxes_in(&self, frame: &Turned) -> Vec<Bounds> {
+        (0..self.len() as u32).into_par_iter().map(|t| self.bounds_in(frame, t)).collect()
+    }
+}
+
+/// A rotation and its inverse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Turned {
+    /// World from group.
+    pub(super) rotation: DMat3,
+    /// Group from world.
+    into: DMat3,
+}
+
+impl Turned {
+    /// The axes of the world.
+    pub(super) const NOT: Turned = Turned { rotation: DMat3::IDENTITY, into: DMat3::IDENTITY };
+
+    /// The frame of a rotation.
+    pub(super) fn by(rotation: DMat3) -> Turned {
+        Turned { rotation, into: rotation.transpose() }
+    }
+
+    /// World box of a box in this frame, as a driver computes it.
+    pub(super) fn out(&self, bounds: &Bounds) -> Bounds {
+        bounds.transformed(&glam::DAffine3 { matrix3: self.rotation, translation: DVec3::ZERO })
+    }
+}

@@ -1,0 +1,225 @@
+//! Frames: the rotations in which a group's triangles fill their boxes best.
+//!
+//! Boxes fit triangles that lie along the axes and no others. Where a building is turned, or a pipe runs diagonally, the
+//! triangles are stored in the frame of their dominant normals and longest edges, and the instance turns them back:
+//! rays then meet tight boxes. The idea for one box is that of bounding boxes aligned with features (S. Gottschalk, M.
+//! Lin, D. Manocha, "OBBTree", SIGGRAPH 1996); a frame a group makes it work on hardware, whose boxes are axis-aligned
+//! within a BLAS. Candidates are taken from the triangles, and judged by refitting one tree in each.
+
+use glam::{DMat3, DVec3};
+
+/// Heaviest votes that are tried as the beginning of a cluster.
+const SEEDS: usize = 8;
+
+/// Directions count as one where the cosine of their angle is above this: about three degrees.
+const SAME_DIRECTION: f64 = 0.9986;
+
+/// Edges count as lying across a normal where the sine is below this.
+const ACROSS: f64 = 0.05;
+
+/// How thoroughly directions are looked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Search {
+    /// Dominant normals, and as many dominant edges, that frames are made of.
+    pub(super) directions: usize,
+    /// Triangles that vote on them, at most.
+    pub(super) voters: usize,
+}
+
+impl Search {
+    /// For a whole scene.
+    pub(super) const SCENE: Search = Search { directions: 3, voters: 512 };
+    /// For one of very many groups.
+    pub(super) const GROUP: Search = Search { directions: 1, voters: 40 };
+}
+
+/// Rotations worth trying for some triangles, world from group: at most three for each direction looked for, none that
+/// is nearly another one of them or the identity. Coefficients are single-precision numbers. None where no triangle has
+/// an area.
+pub(super) fn rotations(triangles: impl ExactSizeIterator<Item = [DVec3; 3]>, search: Search) -> Vec<DMat3> {
+    let votes = Votes::of(triangles, search.voters);
+    let normals = dominant(&votes.normals, search.directions);
+    let edges = dominant(&votes.edges, search.directions);
+    let mut found = Vec::new();
+    for &normal in &normals {
+        let across = dominant(&across(&votes.edges, normal), 1);
+        let other = dominant(&across_loosely(&votes.normals, normal), 1);
+        across.iter().chain(&other).for_each(|&x| push(&mut found, rotation(x, normal)));
+    }
+    for &edge in &edges {
+        let normal = dominant(&across_loosely(&votes.normals, edge), 1);
+        normal.iter().for_each(|&z| push(&mut found, rotation(edge, z)));
+    }
+    found
+}
+
+/// Weighted directions; signs do not count.
+type Directions = Vec<(DVec3, f64)>;
+
+/// What the triangles vote for.
+struct Votes {
+    /// Unit normals, weighted by area.
+    normals: Directions,
+    /// Unit directions of edges, weighted by length times the root of the area: what a misaligned edge wastes.
+    edges: Directions,
+}
+
+impl Votes {
+    /// An even sample of the triangles votes, and among them all that have an area.
+    fn of(triangles: impl ExactSizeIterator<Item = [DVec3; 3]>, voters: usize) -> Votes {
+        let step = triangles.len().div_ceil(voters).max(1);
+        let mut votes = Votes { normals: Vec::new(), edges: Vec::new() };
+        for [a, b, c] in triangles.step_by(step) {
+            let normal = (b - a).cross(c - a);
+            let area = normal.length();
+            if !(area > 0.0 && area.is_finite()) {
+                continue;
+            }
+            votes.normals.push((normal / area, area));
+            for edge in [b - a, c - b, a - c] {
+                let length = edge.length();
+                votes.edges.push((edge / length, length * area.sqrt()));
+            }
+        }
+        votes
+    }
+}
+
+/// The heaviest clusters of directions, heaviest first, each the mean of its members. Those that began a cluster are
+/// the heaviest single votes, so that few of them need to be tried.
+fn dominant(votes: &Directions, count: usize) -> Vec<DVec3> {
+    let mut left: Directions = votes.clone();
+    let mut found = Vec::new();
+    while found.len() < count && !left.is_empty() {
+        let seeds = heaviest(&left, SEEDS);
+        let weight = |seed: &DVec3| left.iter().filter(|(d, _)| same(*d, *seed)).map(|(_, w)| w).sum::<f64>();
+        let Some(seed) = seeds.into_iter().map(|s| (weight(&s), s)).reduce(|a, b| if b.0 > a.0 { b } else { a }) else {
+            break;
+        };
+        let mut mean = seed.1;
+        for _ in 0..2 {
+            let members = left.iter().filter(|(d, _)| same(*d, mean));
+            mean = members.map(|&(d, w)| d * w * d.dot(mean).signum()).sum::<DVec3>().normalize_or(mean);
+        }
+        left.retain(|(d, _)| !same(*d, mean) && !same(*d, seed.1));
+        found.push(mean);
+    }
+    found
+}
+
+/// The heaviest votes, of which no two are the same direction.
+fn heaviest(votes: &Directions, count: usize) -> Vec<DVec3> {
+    let mut order: Vec<usize> = (0..votes.len()).collect();
+    order.sort_by(|&a, &b| votes[b].1.total_cmp(&votes[a].1).then(a.cmp(&b)));
+    let mut seeds: Vec<DVec3> = Vec::new();
+    for at in order {
+        if seeds.len() == count {
+            break;
+        }
+        if !seeds.iter().any(|s| same(*s, votes[at].0)) {
+            seeds.push(votes[at].0);
+        }
+    }
+    seeds
+}
+
+fn same(a: DVec3, b: DVec3) -> bool {
+    a.dot(b).abs() > SAME_DIRECTION
+}
+
+/// The votes that lie across an axis, made exactly perpendicular to it.
+fn across(votes: &Directions, axis: DVec3) -> Directions {
+    projected(votes, axis, ACROSS)
+}
+
+/// The same of all votes that are not nearly along the axis, with what of them lies across it.
+fn across_loosely(votes: &Directions, axis: DVec3) -> Directions {
+    projected(votes, axis, 0.7)
+}
+
+fn projected(votes: &Directions, axis: DVec3, most_along: f64) -> Directions {
+    let lies_across = |(d, _): &&(DVec3, f64)| d.dot(axis).abs() < most_along;
+    votes.iter().filter(lies_across).map(|&(d, w)| ((d - axis * d.dot(axis)).normalize_or(d), w)).collect()
+}
+
+/// The rotation that takes x and z to two directions, of which the second is kept exactly.
+fn rotation(x: DVec3, z: DVec3) -> DMat3 {
+    let x = (x - z * x.dot(z)).normalize_or(z.any_orthonormal_vector());
+    let m = DMat3::from_cols(x, z.cross(x), z);
+    DMat3::from_cols_array(&m.to_cols_array().map(|c| f64::from(c as f32)))
+}
+
+/// Adds a rotation unless a box cannot tell it from the identity or from one that is there.
+fn push(found: &mut Vec<DMat3>, rotation: DMat3) {
+    if rotation.is_finite() && !is_alike(&DMat3::IDENTITY, &rotation) && !found.iter().any(|f| is_alike(f, &rotation)) {
+        found.push(rotation);
+    }
+}
+
+/// Whether two rotations have the same axes, but for their order and signs.
+fn is_alike(a: &DMat3, b: &DMat3) -> bool {
+    let between = a.transpose() * *b;
+    between.to_cols_array_2d().iter().all(|column| column.iter().any(|c| c.abs() > 0.999_999))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The twelve triangles of a box.
+    fn box_triangles(size: DVec3, turned: DMat3) -> Vec<[DVec3; 3]> {
+        let mut triangles = Vec::new();
+        for axis in 0..3 {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            for side in [0.0, 1.0] {
+                let corner = |a: f64, b: f64| {
+                    let mut p = DVec3::ZERO;
+                    (p[axis], p[u], p[v]) = (side * size[axis], a * size[u], b * size[v]);
+                    turned * p
+                };
+                triangles.push([corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)]);
+                triangles.push([corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]);
+            }
+        }
+        triangles
+    }
+
+    fn any_rotation() -> impl Strategy<Value = DMat3> {
+        [-3.2..3.2, -3.2..3.2, -3.2..3.2].prop_map(|[x, y, z]| DMat3::from_euler(glam::EulerRot::XYZ, x, y, z))
+    }
+
+    #[test]
+    fn nothing_and_degenerate_triangles_have_no_frame() {
+        assert!(rotations([].into_iter(), Search::SCENE).is_empty());
+        let flat = [[DVec3::ZERO; 3], [DVec3::ZERO, DVec3::X, DVec3::X * 2.0]];
+        assert!(rotations(flat.into_iter(), Search::SCENE).is_empty());
+    }
+
+    #[test]
+    fn a_box_along_the_axes_needs_no_rotation() {
+        assert!(
+            rotations(box_triangles(DVec3::new(1.0, 2.0, 3.0), DMat3::IDENTITY).into_iter(), Search::GROUP).is_empty()
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn a_turned_box_is_turned_back(turned in any_rotation(), size in [0.1..9.0, 0.1..9.0, 0.1..9.0]) {
+            let triangles = box_triangles(DVec3::from(size), turned);
+            let found = rotations(triangles.into_iter(), Search::GROUP);
+            let fits = |r: &DMat3| is_alike(r, &turned);
+            prop_assert!(found.iter().any(fits) || is_alike(&DMat3::IDENTITY, &turned), "{found:?}");
+        }
+
+        #[test]
+        fn rotations_are_orthonormal(corners in prop::collection::vec([-9.0..9.0, -9.0..9.0, -9.0..9.0], 3..60)) {
+            let triangles: Vec<[DVec3; 3]> =
+                corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(DVec3::from)).collect();
+            for r in rotations(triangles.into_iter(), Search::SCENE) {
+                let off = (r.transpose() * r - DMat3::IDENTITY).to_cols_array().map(f64::abs);
+                prop_assert!(off.iter().all(|x| *x < 1e-6) && r.determinant() > 0.0);
+            }
+        }
+    }
+}
