@@ -91,6 +91,9 @@ fn pass_edge([a, b]: [DVec2; 2], [depth_a, depth_b]: [f64; 2]) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
+    use glam::DMat3;
+
+    use super::super::random::Random;
     use super::*;
 
     const TRIANGLE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
@@ -120,6 +123,21 @@ mod tests {
         let flat = Approach::new(&ray, &TRIANGLE);
         assert_eq!((flat.through, flat.to_edge, flat.height), (false, 0.0, 0.0));
         assert!(flat.explains(1.0, 0.0) && flat.explains(1.9, 0.0) && !flat.explains(3.5, 0.1));
+    }
+
+    #[test]
+    fn an_edge_on_ray_beside_the_triangle_never_passes_through() {
+        for i in 0..1000 {
+            let mut random = Random::at(1, 0, i);
+            let turn = DMat3::from_axis_angle(random.direction(), 6.0 * random.unit());
+            let ray = Ray::endless(turn * DVec3::new(-2.0, 3.0, 0.0), turn * DVec3::X);
+            // The ray as stored, so that it lies in the plane as exactly as doubles can tell.
+            let (origin, ahead) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+            let across = turn * DVec3::NEG_Y;
+            let corners = [(1.0, 1.0), (3.0, 1.0), (2.0, 2.0)].map(|(x, y)| origin + x * ahead + y * across);
+            let beside = Approach::new(&ray, &corners);
+            assert!(!beside.through && !beside.touches(0.5), "turn {i}: {beside:?}");
+        }
     }
 
     #[test]

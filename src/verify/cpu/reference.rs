@@ -4,7 +4,7 @@ use glam::{DMat3, Vec3};
 use rayon::prelude::*;
 
 use super::boxes::BoxRay;
-use super::search::{Inside, Interval, Stacks, search};
+use super::search::{Found, Inside, Interval, Stacks, search};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 use crate::scene::TriangleRef;
@@ -48,15 +48,32 @@ impl<'a> Reference<'a> {
 
     /// The first hits of many rays.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<TrueHit>> {
-        rays.par_iter().map_init(|| Stacks::new(self.accel), |stacks, ray| self.trace(ray, stacks)).collect()
+        rays.par_iter()
+            .map_init(|| Stacks::new(self.accel), |stacks, ray| self.search(ray, false, stacks, |_| true))
+            .collect()
     }
 
-    fn trace(&self, ray: &Ray, stacks: &mut Stacks<f64>) -> Option<TrueHit> {
+    /// For each ray whether one of the triangles it passes through, however many lie before it, is one that `is_meant`;
+    /// that is asked with the index of the ray.
+    pub fn meet(&self, rays: &[Ray], is_meant: impl Fn(usize, &TrueHit) -> bool + Sync) -> Vec<bool> {
+        let meets =
+            |stacks: &mut Stacks<f64>, (i, ray)| self.search(ray, true, stacks, |hit| is_meant(i, hit)).is_some();
+        rays.par_iter().enumerate().map_init(|| Stacks::new(self.accel), meets).collect()
+    }
+
+    /// The first hit that counts, or any.
+    fn search(
+        &self,
+        ray: &Ray,
+        any: bool,
+        stacks: &mut Stacks<f64>,
+        counts: impl Fn(&TrueHit) -> bool,
+    ) -> Option<TrueHit> {
         let scale = self.accel.scale;
         let (origin, direction) = (ray.origin.as_dvec3() * scale, ray.direction.as_dvec3());
         let pad = PAD * (origin.abs().max_element() + self.accel.reach);
         let boxes = BoxRay::new(origin.to_array(), direction.to_array(), pad);
-        let within = Interval { t_min: f64::from(ray.t_min) * scale, t_max: f64::from(ray.t_max) * scale, any: false };
+        let within = Interval { t_min: f64::from(ray.t_min) * scale, t_max: f64::from(ray.t_max) * scale, any };
         let triangles = ShearedRay::new(origin.to_array(), direction.to_array());
         let enter = |at: usize, entry: &Entry| {
             let o = entry.to_mesh.transform_point3(origin);
@@ -67,14 +84,14 @@ impl<'a> Reference<'a> {
             let boxes = BoxRay::new(o.to_array(), d.to_array(), pad);
             Some(Inside { boxes, triangles })
         };
-        search(self.accel, &boxes, within, stacks, enter, world_corners).map(|found| {
-            let entry = &self.accel.entries[found.entry];
-            TrueHit {
-                t: found.t / scale,
-                at: TriangleRef { instance: entry.instance, triangle: found.triangle },
-                front: found.front,
-            }
-        })
+        search(self.accel, &boxes, within, stacks, enter, world_corners, |found| counts(&self.hit(found)))
+            .map(|found| self.hit(&found))
+    }
+
+    fn hit(&self, found: &Found<f64>) -> TrueHit {
+        let instance = self.accel.entries[found.entry].instance;
+        let at = TriangleRef { instance, triangle: found.triangle };
+        TrueHit { t: found.t / self.accel.scale, at, front: found.front }
     }
 }
 

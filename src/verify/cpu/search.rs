@@ -50,7 +50,7 @@ pub(super) struct Inside<T> {
 
 /// The nearest hit of a ray, or any. Of hits at the same distance the one with the lowest instance and triangle, so
 /// that the result does not depend on the shape of the trees. `enter` takes the ray into an entry, `corners` gives a
-/// triangle of an entry in the coordinates of [`Inside::triangles`].
+/// triangle of an entry in the coordinates of [`Inside::triangles`], `counts` tells of a hit whether it is one.
 pub(super) fn search<T: Real>(
     accel: &TwoLevel,
     ray: &BoxRay<T>,
@@ -58,6 +58,7 @@ pub(super) fn search<T: Real>(
     stacks: &mut Stacks<T>,
     enter: impl Fn(usize, &Entry) -> Option<Inside<T>>,
     corners: impl Fn(&Entry, &[Vec3; 3]) -> [[T; 3]; 3],
+    counts: impl Fn(&Found<T>) -> bool,
 ) -> Option<Found<T>> {
     let mut best: Option<Found<T>> = None;
     let Stacks { top, bottom } = stacks;
@@ -71,7 +72,8 @@ pub(super) fn search<T: Real>(
                 for i in items {
                     let Some(crossing) = inside.triangles.cross(corners(entry, &mesh.corners[i])) else { continue };
                     let found = Found { t: crossing.t, entry: at, triangle: mesh.order[i], front: crossing.front };
-                    if within.contains(found.t) && best.is_none_or(|b| found.is_before(&b, accel)) {
+                    let is_nearer = within.contains(found.t) && best.is_none_or(|b| found.is_before(&b, accel));
+                    if is_nearer && counts(&found) {
                         best = Some(found);
                         if within.any {
                             return ControlFlow::Break(());

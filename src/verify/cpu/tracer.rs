@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::boxes::BoxRay;
 use super::search::{Found, Inside, Interval, Stacks, search};
-use super::two_level::TwoLevel;
+use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 use crate::verify::rays::{Ray, RayKind};
 use crate::verify::{Hit, Tracer};
@@ -55,8 +55,8 @@ impl<'a> CpuTracer<'a> {
             let (o, d) = (to_mesh.transform_point3a(origin), to_mesh.transform_vector3a(direction));
             Some(Inside { boxes: slab_ray(o, d, 2.0), triangles: ShearedRay::new(o.to_array(), d.to_array()) })
         };
-        search(self.accel, &boxes, within, stacks, |at, _| enter(at), |_, c| c.map(|p: Vec3| p.to_array()))
-            .map(|found| self.hit(&found))
+        let corners = |_: &Entry, c: &[Vec3; 3]| c.map(|p| p.to_array());
+        search(self.accel, &boxes, within, stacks, |at, _| enter(at), corners, |_| true).map(|found| self.hit(&found))
     }
 
     fn hit(&self, found: &Found<f32>) -> Hit {
