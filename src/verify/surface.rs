@@ -256,7 +256,7 @@ mod tests {
     use glam::{DAffine3, DVec3};
     use proptest::prelude::*;
 
-    use super::super::test_scenes::{Style, cube, random_scene, room, scene};
+    use super::super::test_scenes::{Style, cases, cube, random_scene, room, scene};
     use super::super::tests::{baked, tilted};
     use super::super::{Matching, Verification, verify};
     use super::*;
@@ -349,7 +349,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(16))]
+        #![proptest_config(cases(16))]
 
         #[test]
         fn rounding_is_never_a_mismatch(seed: u64, [on_grid, thin, wild] in any::<[bool; 3]>()) {

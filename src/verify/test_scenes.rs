@@ -1,6 +1,7 @@
 //! Scenes for tests.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use proptest::test_runner::Config;
 
 use super::random::Random;
 use super::rays::Ray;
@@ -8,6 +9,12 @@ use crate::scene::{Geometry, Instance, Mesh, MeshId, Scene};
 
 /// Material, positions and triangles of a geometry.
 pub(super) type Parts = (Option<u32>, Vec<Vec3>, Vec<[u32; 3]>);
+
+/// So many random cases, or as many as the variable `PROPTEST_CASES` says.
+pub(super) fn cases(usual: u32) -> Config {
+    let asked = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok());
+    Config::with_cases(asked.unwrap_or(usual))
+}
 
 /// A mesh of geometries.
 pub(super) fn mesh(source: u32, geometries: Vec<Parts>) -> Mesh {

@@ -9,7 +9,7 @@ use super::cpu::{CpuTracer, Reference, TwoLevel};
 use super::identity::Identity;
 use super::rays::{RayKind, Rays, generate};
 use super::structure::Structure;
-use super::test_scenes::{Style, cube, instance, mesh, random_scene, room, scene};
+use super::test_scenes::{Style, cases, cube, instance, mesh, random_scene, room, scene};
 use super::{Verification, VerifyOptions, structure, verify};
 use crate::scene::{Geometry, Mesh, PlacedCamera, Scene, TriangleRef};
 
@@ -388,7 +388,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(cases(32))]
 
     #[test]
     fn rounding_is_never_a_mismatch(

@@ -10,7 +10,7 @@ use crate::scene::{InstanceId, Scene, TriangleRef};
 use crate::verify::Hit;
 use crate::verify::approach::Approach;
 use crate::verify::rays::Ray;
-use crate::verify::test_scenes::{Style, cube, mesh, random_rays, random_scene, scene};
+use crate::verify::test_scenes::{Style, cases, cube, mesh, random_rays, random_scene, scene};
 
 fn style() -> impl Strategy<Value = Style> {
     let size = prop_oneof![Just(1.0), Just(1e-3), Just(1e3), Just(1e-30), Just(1e30)];
@@ -69,7 +69,7 @@ fn brute_single(accel: &TwoLevel, ray: &Ray) -> Option<Hit> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(cases(96))]
 
     #[test]
     fn the_reference_equals_brute_force_to_the_last_bit(seed: u64, style in style()) {
