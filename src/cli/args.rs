@@ -7,10 +7,11 @@ use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::bake::{BakeOptions, Choice};
+use crate::compare::MatchBy;
 use crate::layout::{self, Method};
 use crate::scene::LoadOptions;
 use crate::verify::build::{BlasPer, BuildOptions, Prefer};
-use crate::verify::{DeviceChoice, VerifyOptions};
+use crate::verify::{DeviceChoice, Matching, VerifyOptions};
 
 /// Bakes scenes for hardware ray tracing: decides which triangles share a bottom-level acceleration structure
 /// (BLAS), writes glTF whose meshes, primitives and nodes say so, and proves that the result shows the same surfaces.
@@ -68,7 +69,8 @@ const BAKE_EXAMPLES: &str = "Examples:
 
 const VERIFY_EXAMPLES: &str = "Examples:
   raykiln verify conference.obj baked.glb
-  raykiln verify scene.glb optimised-by-another-tool.glb --max-position-error-ratio 1e-4 --json";
+  raykiln verify scene.glb optimised-by-another-tool.glb --max-position-error-ratio 1e-4 --json
+  raykiln verify scene.glb baked-and-reordered.glb --match surface";
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArguments {
@@ -76,6 +78,9 @@ pub(super) struct CompareArguments {
     pub(super) before: PathBuf,
     /// The file to verify: OBJ, glTF or GLB
     pub(super) after: PathBuf,
+    /// How triangles of both files are matched
+    #[arg(long = "match", value_enum, value_name = "BY", default_value_t = MatchArgument::Auto)]
+    pub(super) match_by: MatchArgument,
     /// Also write the report to FILE (.json); may be repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
@@ -194,6 +199,16 @@ pub(super) struct VerifyArguments {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum MatchArgument {
+    /// By identity where AFTER says where its triangles come from and most of that fits BEFORE, else by surface
+    Auto,
+    /// By what AFTER says about where its triangles come from; all of them are compared, exactly
+    Identity,
+    /// Not at all: only what rays see is compared
+    Surface,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum PreferArgument {
     /// Rays per second
     FastTrace,
@@ -255,6 +270,16 @@ impl From<MethodArgument> for Choice {
             MethodArgument::Overlap => Method::Overlap,
             MethodArgument::Cluster => Method::Cluster,
         })
+    }
+}
+
+impl From<MatchArgument> for MatchBy {
+    fn from(argument: MatchArgument) -> MatchBy {
+        match argument {
+            MatchArgument::Auto => MatchBy::Auto,
+            MatchArgument::Identity => MatchBy::Always(Matching::Identity),
+            MatchArgument::Surface => MatchBy::Always(Matching::Surface),
+        }
     }
 }
 

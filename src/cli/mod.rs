@@ -89,7 +89,8 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     check_reports(&arguments.report)?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("verifying");
-    let report = compare::compare(&arguments.before, &arguments.after, &arguments.verify.options());
+    let by = arguments.match_by.into();
+    let report = compare::compare(&arguments.before, &arguments.after, by, &arguments.verify.options());
     progress.finish();
     let report = report?;
     let json = write_reports(&report, &arguments.report)?;

@@ -6,21 +6,33 @@ use std::time::Instant;
 use crate::bake::{self, BakeError, measure_as_is};
 use crate::report::{self, Input, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
-use crate::verify::{Machine, Matching, VerifyOptions};
+use crate::verify::identity::Identity;
+use crate::verify::{Machine, Matching, Verification, VerifyOptions};
 
-/// Verifies the file `after` against the file `before`. Triangles are matched by what `after` says about where they
-/// come from; if it says nothing, only surfaces are compared.
+/// How to match the triangles of two files.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MatchBy {
+    /// By identity where the file to verify says where its triangles come from and at least half of them lead to
+    /// triangles of the other file; else by surface.
+    #[default]
+    Auto,
+    /// As told, whatever the files say.
+    Always(Matching),
+}
+
+/// Verifies the file `after` against the file `before`; `by` overrides what the options say about matching.
 ///
 /// # Errors
 /// A file that cannot be read; a device named that cannot trace.
-pub fn compare(before: &Path, after: &Path, options: &VerifyOptions) -> Result<VerifyReport, BakeError> {
+pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions) -> Result<VerifyReport, BakeError> {
     let start = Instant::now();
     let machine = Machine::open(&options.device)?;
     let (scene_before, warnings_before) = read(before)?;
     let (scene_after, warnings_after) = read(after)?;
-    let matching = if names_its_sources(&scene_after) { Matching::Identity } else { Matching::Surface };
+    let matching = by.choose(&scene_before, &scene_after);
     let options = VerifyOptions { matching, ..options.clone() };
     let verification = machine.verify(&scene_before, &scene_after, &options)?;
+    let notes = verification.notes.iter().cloned().chain(note(by, matching, &scene_after, &verification)).collect();
     Ok(VerifyReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -33,7 +45,7 @@ pub fn compare(before: &Path, after: &Path, options: &VerifyOptions) -> Result<V
             Matching::Surface => "surface",
         },
         verdict: bake::verdict(&verification, false),
-        notes: verification.notes.clone(),
+        notes,
         verify: verification,
         seconds: start.elapsed().as_secs_f64(),
         warnings: [warnings_before, warnings_after].concat(),
@@ -49,6 +61,36 @@ fn read(path: &Path) -> Result<(Scene, Vec<String>), BakeError> {
     Ok((scene, words))
 }
 
+impl MatchBy {
+    fn choose(self, before: &Scene, after: &Scene) -> Matching {
+        match self {
+            MatchBy::Always(matching) => matching,
+            MatchBy::Auto if !names_its_sources(after) => Matching::Surface,
+            MatchBy::Auto => match 2 * Identity::new(before, after).known() >= after.triangles_placed() {
+                true => Matching::Identity,
+                false => Matching::Surface,
+            },
+        }
+    }
+}
+
 fn names_its_sources(scene: &Scene) -> bool {
     scene.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some())
+}
+
+/// What to say about a choice that the user may want to make otherwise.
+fn note(by: MatchBy, chosen: Matching, after: &Scene, found: &Verification) -> Option<String> {
+    match (by, chosen) {
+        (MatchBy::Auto, Matching::Surface) if names_its_sources(after) => Some(
+            "most of what the output says about where its triangles come from is not about this input: surfaces are \
+             compared"
+                .into(),
+        ),
+        (MatchBy::Auto, Matching::Identity) if found.structure.as_ref().is_some_and(|s| !s.is_clean()) => Some(
+            "triangles are matched by what the output says about where they come from; if another tool changed it \
+             since, `--match surface` compares what rays see"
+                .into(),
+        ),
+        _ => None,
+    }
 }

@@ -76,6 +76,13 @@ impl<'a> Identity<'a> {
         })
     }
 
+    /// How many placed triangles of `after` are triangles of `before`.
+    pub fn known(&self) -> u64 {
+        use rayon::prelude::*;
+        let of_chunk = |c: &Chunk| self.sources(c.instance, c.geometry, c.triangles.clone()).flatten().count() as u64;
+        chunks(self.after).par_iter().map(of_chunk).sum()
+    }
+
     /// Where `after` has some triangles of `before`: the first place of each, `None` for triangles it has nowhere.
     pub fn find(&self, wanted: &[TriangleRef]) -> Vec<Option<TriangleRef>> {
         use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! `raykiln verify`: two files of one scene, whoever wrote them.
 
-use crate::common::{Ran, bake, gltf, raykiln, samples, write};
+use crate::common::{Opened, Ran, bake, gltf, raykiln, samples, write};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -88,6 +88,46 @@ fn a_strangers_faults_are_failures() {
     assert_eq!(json["verdict"], "failed");
     // Two hundredths of the diagonal are far more than that.
     assert_eq!(verify(&before, &after, &["--max-position-error-ratio", "0.02"]).status, 0);
+}
+
+#[test]
+fn how_triangles_are_matched_can_be_chosen() {
+    let folder = TempDir::new().unwrap();
+    let output = folder.path().join("out.gltf");
+    bake(&sample("overlapping"), &output, &["--method", "single"]);
+    // As by a tool that orders triangles its own way and copies extras.
+    let mut opened = Opened::read(&output);
+    let indices = opened.indices();
+    let reordered: Vec<u32> = opened.numbers(indices).chunks(3).rev().flatten().copied().collect();
+    opened.set_numbers(indices, &reordered);
+    let reordered = opened.write(folder.path());
+    for (by, status, matched_by) in [("auto", 1, "identity"), ("identity", 1, "identity"), ("surface", 0, "surface")] {
+        let ran = verify(&sample("overlapping"), &reordered, &["--match", by, "--json"]);
+        assert_eq!(ran.status, status, "{by}: {}", ran.stderr);
+        let report = ran.json();
+        assert_eq!(report["matched_by"], matched_by, "{by}");
+        let hint = report["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("--match surface"));
+        assert_eq!(hint, by == "auto", "{report}");
+    }
+}
+
+#[test]
+fn extras_about_another_file_are_not_believed() {
+    let folder = TempDir::new().unwrap();
+    let output = folder.path().join("out.gltf");
+    bake(&sample("overlapping"), &output, &["--method", "single"]);
+    let mut opened = Opened::read(&output);
+    for primitive in opened.json["meshes"][0]["primitives"].as_array_mut().unwrap() {
+        for source in primitive["extras"]["raykiln"]["provenance"]["sources"].as_array_mut().unwrap() {
+            source[0] = 1000.into();
+        }
+    }
+    let foreign = opened.write(folder.path());
+    let ran = verify(&sample("overlapping"), &foreign, &["--json"]);
+    assert_eq!((ran.status, ran.json()["matched_by"].as_str()), (0, Some("surface")), "{}", ran.stderr);
+    assert!(ran.stdout.contains("is not about this input"), "{}", ran.stdout);
+    let ran = verify(&sample("overlapping"), &foreign, &["--match", "identity"]);
+    assert!(ran.status == 1 && ran.stderr.contains("unknown"), "{}", ran.stderr);
 }
 
 #[test]

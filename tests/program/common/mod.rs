@@ -1,10 +1,12 @@
 //! What several themes need: running the program, samples, inline files, and an independent reading of glTF.
 
+mod damage;
 mod expect;
 mod files;
 mod program;
 mod surface;
 
+pub(crate) use damage::Opened;
 pub(crate) use expect::{Bake, Number, Sample, samples};
 pub(crate) use files::{folder_names, glb, gltf, triangle, write};
 pub(crate) use program::{METHODS, Ran, bake, raykiln};
