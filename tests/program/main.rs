@@ -6,6 +6,7 @@ mod bad_input;
 mod cli;
 mod determinism;
 mod devices;
+mod faults;
 mod mutations;
 mod roundtrip;
 mod samples;

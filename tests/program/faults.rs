@@ -1,0 +1,103 @@
+//! Damaged outputs: `raykiln verify` names each fault, on the CPU and on a device.
+
+use crate::common::{Opened, Ran, bake, raykiln, samples};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Diagonal of the sample's scene, in its units; no more exact than the faults need.
+const SIZE: f64 = 31.0;
+
+/// A name, what to do, and words of the failure.
+type Fault = (&'static str, fn(&mut Opened), &'static [&'static str]);
+
+const FAULTS: [Fault; 6] = [
+    ("vertex moved", move_a_vertex, &["moved", "triangle ", "of the scene's diagonal from its place"]),
+    ("triangle flipped", flip_a_triangle, &["1 triangle flipped: triangle 0 of primitive 0"]),
+    ("triangle dropped", drop_a_triangle, &["1 triangle missing: triangle "]),
+    ("material changed", |o| o.primitive()["material"] = json!(1), &["96 triangles of another material"]),
+    ("instance moved", |o| o.move_instance(1e-3 * SIZE), &["144 triangles moved"]),
+    ("provenance swapped", swap_provenance, &["24 triangles moved"]),
+];
+
+fn move_a_vertex(opened: &mut Opened) {
+    let positions = opened.positions();
+    opened.move_vertex(positions, 1e-3 * SIZE as f32);
+}
+
+fn flip_a_triangle(opened: &mut Opened) {
+    let accessor = opened.indices();
+    let mut indices = opened.numbers(accessor);
+    indices.swap(1, 2);
+    opened.set_numbers(accessor, &indices);
+}
+
+/// Leaves the last triangle out of the indices and of the runs.
+fn drop_a_triangle(opened: &mut Opened) {
+    let (indices, runs) = (opened.indices(), opened.runs());
+    let kept = opened.numbers(indices);
+    opened.set_numbers(indices, &kept[..kept.len() - 3]);
+    let mut counts = opened.numbers(runs);
+    *counts.last_mut().expect("a run") -= 1;
+    opened.set_numbers(runs, &counts);
+}
+
+/// Says of the triangles of two equal crates that they are the other's.
+fn swap_provenance(opened: &mut Opened) {
+    let sources = &mut opened.primitive()["extras"]["raykiln"]["provenance"]["sources"];
+    sources.as_array_mut().expect("sources").swap(0, 1);
+}
+
+fn input() -> PathBuf {
+    samples().into_iter().find(|s| s.name == "overlapping").expect("the sample is there").scene
+}
+
+/// A bake's output, damaged.
+fn damaged(folder: &Path, damage: impl FnOnce(&mut Opened)) -> PathBuf {
+    let output = folder.join("out.gltf");
+    bake(&input(), &output, &["--method", "single"]);
+    let mut opened = Opened::read(&output);
+    damage(&mut opened);
+    opened.write(folder)
+}
+
+fn verify(after: &Path, device: &str, more: &[&str]) -> Ran {
+    let (before, after) = (input(), after.to_str().expect("UTF-8"));
+    let fixed = ["verify", before.to_str().expect("UTF-8"), after, "--device", device, "--rays", "2000"];
+    raykiln(fixed.iter().chain(&["--repeats", "1"]).chain(more))
+}
+
+fn assert_each_fault_is_named(device: &str) {
+    let folder = TempDir::new().unwrap();
+    let sound = verify(&damaged(folder.path(), |_| {}), device, &[]);
+    assert_eq!((sound.status, sound.stderr.as_str()), (0, ""), "{}", sound.stdout);
+    for (name, damage, words) in FAULTS {
+        let ran = verify(&damaged(folder.path(), damage), device, &[]);
+        assert_eq!(ran.status, 1, "{name}: {}{}", ran.stdout, ran.stderr);
+        for word in words {
+            assert!(ran.stderr.contains(word), "{name}: {word} is missing in {}", ran.stderr);
+        }
+    }
+}
+
+#[test]
+fn each_fault_is_named_on_the_cpu() {
+    assert_each_fault_is_named("cpu");
+}
+
+#[test]
+fn each_fault_is_named_on_a_device() {
+    assert_each_fault_is_named("llvmpipe");
+}
+
+#[test]
+fn rays_alone_see_what_is_moved_or_painted() {
+    let folder = TempDir::new().unwrap();
+    for (name, damage, _) in [FAULTS[3], FAULTS[4]] {
+        for device in ["cpu", "llvmpipe"] {
+            let ran = verify(&damaged(folder.path(), damage), device, &["--match", "surface"]);
+            assert_eq!(ran.status, 1, "{name} on {device}: {}{}", ran.stdout, ran.stderr);
+            assert!(ran.stderr.contains("rays see something else"), "{name} on {device}: {}", ran.stderr);
+        }
+    }
+}
