@@ -53,7 +53,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     text += &list("warning", &report.warnings, verbose);
     text += &list("note", &report.notes, verbose);
     if report.verify.structure.is_none() {
-        text += "only surfaces are compared: the output does not say where its triangles come from\n";
+        text += "only surfaces are compared: triangles are not matched\n";
     }
     text += &before_and_after([&report.before, &report.after], &report.verify);
     let shown = match report.verdict {
@@ -205,6 +205,7 @@ fn rays(verify: &Verification) -> String {
                 format!("{:.2}", k.after_mrays_per_s),
                 match k.differs() {
                     true => format!("{:.2} +- {:.2}", k.speedup_ratio, k.spread_ratio),
+                    false if k.spread_ratio.is_infinite() => format!("{:.2}, too few repeats", k.speedup_ratio),
                     false => format!("no difference (+- {:.2})", k.spread_ratio),
                 },
             ]

@@ -14,7 +14,7 @@ use super::{Verification, VerifyOptions, structure, verify};
 use crate::scene::{Geometry, Mesh, PlacedCamera, Scene, TriangleRef};
 
 fn options() -> VerifyOptions {
-    VerifyOptions { rays_per_kind: 2048, repeats: 1, ..VerifyOptions::default() }
+    VerifyOptions { rays_per_kind: 2048, repeats: 3, ..VerifyOptions::default() }
 }
 
 /// One mesh with all triangles of a scene, one geometry a material, stored in a frame, as a bake writes them.
