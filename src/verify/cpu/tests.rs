@@ -121,6 +121,35 @@ fn first_hits(scene: &Scene, ray: Ray) -> (Option<Hit>, Option<TrueHit>) {
     (CpuTracer::new(&accel).closest(&[ray])[0], Reference::new(&accel).closest(&[ray])[0])
 }
 
+/// Repeats every triangle, all after all, so that some are the same for each geometry.
+fn doubled(scene: &Scene) -> Scene {
+    let mut doubled = scene.clone();
+    for mesh in &mut doubled.meshes {
+        let mut first_triangle = 0;
+        for geometry in &mut mesh.geometries {
+            geometry.triangles.extend_from_within(..);
+            geometry.first_triangle = first_triangle;
+            first_triangle += geometry.triangles.len() as u32;
+        }
+    }
+    doubled
+}
+
+#[test]
+fn of_equal_triangles_the_first_is_hit_as_by_brute_force() {
+    let style = Style { size: 1.0, offset: 0.0, on_grid: true, thin: false, wild: true };
+    for seed in 0..8 {
+        let scene = doubled(&random_scene(seed, style));
+        let accel = TwoLevel::build(&scene);
+        let rays = random_rays(seed, style, 200);
+        let (hits, truths) = (CpuTracer::new(&accel).closest(&rays), Reference::new(&accel).closest(&rays));
+        assert!(truths.iter().flatten().count() > 0);
+        for ((ray, hit), truth) in rays.iter().zip(hits).zip(truths) {
+            assert_eq!((hit, truth), (brute_single(&accel, ray), brute_truth(&scene, ray)), "{ray:?}");
+        }
+    }
+}
+
 #[test]
 fn nothing_is_hit_in_an_empty_scene() {
     assert_eq!(first_hits(&Scene::default(), Ray::endless(DVec3::ZERO, DVec3::X)), (None, None));

@@ -3,8 +3,11 @@
 //! World and meshes are scaled by powers of two so that their largest coordinate lies in [1, 2): that changes no
 //! digit, but keeps products of coordinates of 1e30 or 1e-30 within the range of single precision.
 
+use std::hash::BuildHasher;
+
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
+use rustc_hash::FxBuildHasher;
 
 use super::boxes::{BoxNode, boxed};
 use crate::cost::tree::{Quality, Tree};
@@ -30,9 +33,9 @@ pub struct TwoLevel {
 #[derive(Debug, Default)]
 pub(super) struct Bottom {
     pub(super) nodes: Vec<BoxNode>,
-    /// Corners in tree order, scaled.
+    /// Corners in tree order, scaled; of equal triangles of one geometry those of the first only.
     pub(super) corners: Vec<[Vec3; 3]>,
-    /// Triangle of the mesh, by tree order.
+    /// Triangle of the mesh, by tree order: the first of equal ones.
     pub(super) order: Vec<u32>,
     /// Scaled mesh units a mesh unit.
     scale: f64,
@@ -87,13 +90,16 @@ impl Bottom {
         let all = || mesh.geometries.iter().flat_map(|g| (0..g.triangles.len()).map(|t| g.corners(t)));
         let scale = unit_scale(all().flatten().map(|p| f64::from(p.abs().max_element())).fold(0.0, f64::max));
         let corners: Vec<[Vec3; 3]> = all().map(|c| c.map(|p| (p.as_dvec3() * scale).as_vec3())).collect();
-        let boxes: Vec<Bounds> = corners.iter().map(|c| Bounds::of(c.iter().map(|p| p.as_dvec3()))).collect();
+        let kept = distinct(mesh, &corners);
+        let boundary = |&t: &u32| Bounds::of(corners[t as usize].iter().map(|p| p.as_dvec3()));
+        let boxes: Vec<Bounds> = kept.iter().map(boundary).collect();
         let tree = Tree::build(&boxes, Quality::Medium);
+        let order: Vec<u32> = tree.order.iter().map(|&i| kept[i as usize]).collect();
         Bottom {
             nodes: boxed(&tree, &boxes),
-            corners: tree.order.iter().map(|&t| corners[t as usize]).collect(),
+            corners: order.iter().map(|&t| corners[t as usize]).collect(),
             depth: tree.depth(),
-            order: tree.order,
+            order,
             scale,
             bounds: boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b)),
         }
@@ -116,6 +122,21 @@ impl Entry {
             Entry { instance: index as u32, mesh: instance.mesh.0, mirrored: instance.mirrored(), to_world, to_mesh };
         finite.then_some((entry, Bounds { min: tight.min - pad, max: tight.max + pad }))
     }
+}
+
+/// The triangles of a mesh, in order, without those whose corners are bit for bit, and in the same order, those of an
+/// earlier one of the same geometry: they are hit where that one is, which wins the tie.
+fn distinct(mesh: &Mesh, corners: &[[Vec3; 3]]) -> Vec<u32> {
+    let key = |t: u32| (mesh.locate(t).0, corners[t as usize].map(|p| p.to_array().map(f32::to_bits)));
+    let mut hashed: Vec<(u64, u32)> =
+        (0..corners.len() as u32).into_par_iter().map(|t| (FxBuildHasher.hash_one(key(t)), t)).collect();
+    hashed.par_sort_unstable();
+    // Triangles that share a hash by chance stay: a test too many changes nothing.
+    let differ = |pair: &&[(u64, u32)]| pair[0].0 != pair[1].0 || key(pair[0].1) != key(pair[1].1);
+    let later = hashed.windows(2).filter(differ).map(|pair| pair[1].1);
+    let mut kept: Vec<u32> = hashed.first().map(|first| first.1).into_iter().chain(later).collect();
+    kept.sort_unstable();
+    kept
 }
 
 /// The inverse of a transform, if it has one.
@@ -151,6 +172,7 @@ fn unit_scale(largest: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verify::test_scenes::mesh;
 
     #[test]
     fn unit_scale_is_the_power_of_two() {
@@ -160,6 +182,20 @@ mod tests {
             assert_eq!(s.to_bits() << 12, 0);
         }
         assert_eq!([0.0, f64::NAN, f64::INFINITY].map(unit_scale), [1.0; 3]);
+    }
+
+    #[test]
+    fn equal_triangles_of_one_geometry_count_once() {
+        let at = |x: f32| [Vec3::new(x, 0.0, 0.0), Vec3::new(x + 1.0, 0.0, 0.0), Vec3::new(x, 1.0, 0.0)];
+        let positions = [at(5.0), at(0.0), at(5.0), at(5.0), at(0.0)].concat();
+        let triangles: Vec<[u32; 3]> = (0..5).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let turned = triangles.iter().map(|&[a, b, c]| [b, c, a]).collect();
+        let flipped = triangles.iter().map(|&[a, b, c]| [a, c, b]);
+        let both = triangles.iter().copied().chain(flipped).collect();
+        let mesh = mesh(0, vec![(None, positions.clone(), both), (None, positions, turned)]);
+        let mut order = Bottom::build(&mesh).order;
+        order.sort_unstable();
+        assert_eq!(order, [0, 1, 5, 6, 10, 11]);
     }
 
     #[test]
