@@ -17,6 +17,7 @@ use crate::emit;
 use crate::layout::{self, Layout, Method};
 use crate::report::{self, BakeReport, Input, Pass, Seconds, Verdict};
 use crate::scene::{self, LoadOptions, Scene};
+use crate::verify::weights::Weights;
 use crate::verify::{DeviceError, Machine, Verification, VerifyOptions};
 use clock::Clock;
 
@@ -87,7 +88,7 @@ pub fn bake(
         input: Input::of(input.to_owned(), &scene),
         output: output.to_owned(),
         before,
-        verdict: verdict(&verification, written.unchanged),
+        verdict: verdict(&verification, &options.verify.weights, written.unchanged),
         method: chosen.report.with_written(&after, verification.position_error_ratio, seconds),
         after,
         passes: [chosen.passes, written.passes].concat(),
@@ -162,13 +163,13 @@ fn verify_staged(
     Ok((after, verification))
 }
 
-/// Faster means: in the mean over the kinds of rays that light a picture, by more than that mean may be off.
-pub(crate) fn verdict(verification: &Verification, unchanged: bool) -> Verdict {
+/// Faster means: over the kinds of rays as they are weighted, by more than the speedup may be off.
+pub(crate) fn verdict(verification: &Verification, weights: &Weights, unchanged: bool) -> Verdict {
     if !verification.passed() {
         return Verdict::Failed;
     }
     if unchanged {
         return Verdict::LeftAlone;
     }
-    if verification.kinds.lighting().is_faster() { Verdict::Faster } else { Verdict::NotFaster }
+    if weights.overall(&verification.kinds).is_faster() { Verdict::Faster } else { Verdict::NotFaster }
 }

@@ -44,7 +44,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
             Matching::Identity => "identity",
             Matching::Surface => "surface",
         },
-        verdict: bake::verdict(&verification, false),
+        verdict: bake::verdict(&verification, &options.weights, false),
         notes,
         verify: verification,
         seconds: start.elapsed().as_secs_f64(),

@@ -12,10 +12,12 @@ mod overlap;
 mod per_object;
 mod pieces;
 mod single;
+mod stored;
 #[cfg(test)]
 mod test_scenes;
 
 pub use order::order_by_tree;
+pub use stored::stored;
 
 use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
 use glam::DAffine3;

@@ -43,7 +43,7 @@ pub struct DeviceError(String);
 #[derive(Debug)]
 pub struct Machine {
     #[cfg(feature = "vulkan")]
-    device: Option<Device>,
+    pub(super) device: Option<Device>,
     /// Whether the device was named, so that its failure is an error.
     #[cfg(feature = "vulkan")]
     named: bool,

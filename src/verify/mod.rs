@@ -10,6 +10,7 @@ pub mod compare;
 pub mod cpu;
 pub mod device;
 pub mod identity;
+mod race;
 mod random;
 pub mod rays;
 pub mod rounding;
@@ -25,15 +26,18 @@ pub mod verdict;
 pub mod view;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
+pub mod weights;
 
 use build::BuildOptions;
 use compare::Comparison;
 use cpu::{CpuTracer, Reference, TwoLevel};
 pub use device::{DeviceChoice, DeviceError, Machine};
 use identity::Identity;
+pub use race::Lap;
 use surface::Surfaces;
 pub use tracing::{Pace, Tracer};
 pub use verdict::Verification;
+use weights::Weights;
 
 use crate::scene::Scene;
 
@@ -52,6 +56,8 @@ pub struct VerifyOptions {
     pub timed_rays_per_kind: Option<u32>,
     /// Seed of the rays.
     pub seed: u64,
+    /// What each kind counts for where one number is wanted.
+    pub weights: Weights,
     /// How often each kind is timed; 0 counts as 1.
     pub repeats: u32,
     /// Largest distance a corner may lie from its place, over the diagonal of the input's box.
@@ -69,6 +75,7 @@ impl Default for VerifyOptions {
             rays_per_kind: 16_384,
             timed_rays_per_kind: None,
             seed: 1,
+            weights: Weights::default(),
             repeats: 7,
             max_position_error_ratio: 1e-6,
             sample_ratio: 1.0 / 16.0,

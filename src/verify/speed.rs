@@ -26,32 +26,6 @@ pub struct KindSpeed {
     pub spread_ratio: f64,
 }
 
-/// A mean of the speedups of several kinds of rays.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeanSpeedup {
-    /// Geometric mean; 1 of nothing.
-    pub speedup_ratio: f64,
-    /// How far off it may be, as [`KindSpeed::spread_ratio`].
-    pub spread_ratio: f64,
-}
-
-impl MeanSpeedup {
-    /// Of kinds with their weights, at least 0, which are taken relative to their sum. Kinds are timed one after the
-    /// other, so that their errors are independent: their squares add up.
-    pub fn of(kinds: &[(f64, KindSpeed)]) -> MeanSpeedup {
-        let total: f64 = kinds.iter().map(|(weight, _)| weight).sum();
-        let counted = || kinds.iter().filter(|(weight, _)| *weight > 0.0).map(|(weight, kind)| (weight / total, kind));
-        let speedup_ratio = counted().map(|(share, kind)| share * kind.speedup_ratio.ln()).sum::<f64>().exp();
-        let relative = counted().map(|(share, kind)| (share * kind.spread_ratio / kind.speedup_ratio).powi(2));
-        MeanSpeedup { speedup_ratio, spread_ratio: speedup_ratio * relative.sum::<f64>().sqrt() }
-    }
-
-    /// Whether the output is faster, by more than what may be off.
-    pub fn is_faster(&self) -> bool {
-        self.speedup_ratio > 1.0 + self.spread_ratio
-    }
-}
-
 impl KindSpeed {
     /// Whether the speeds differ by more than the spread.
     pub fn differs(&self) -> bool {
@@ -92,11 +66,6 @@ impl Kinds {
     /// All kinds with their names.
     pub fn named(&self) -> [(&'static str, KindSpeed); 4] {
         [("primary", self.primary), ("shadow", self.shadow), ("diffuse", self.diffuse), ("random", self.random)]
-    }
-
-    /// The mean over the kinds that light a picture, all but random lines, each counted alike.
-    pub fn lighting(&self) -> MeanSpeedup {
-        MeanSpeedup::of(&[self.primary, self.shadow, self.diffuse].map(|kind| (1.0, kind)))
     }
 }
 
@@ -246,7 +215,6 @@ mod tests {
         for repeats in [1, 2] {
             let found = of(&drifting(repeats, 5.0, 0.0));
             assert!((found.speedup_ratio - 5.0).abs() < 1e-12 && !found.differs(), "{found:?}");
-            assert!(!MeanSpeedup::of(&[(1.0, found); 3]).is_faster());
         }
     }
 
@@ -271,18 +239,6 @@ mod tests {
         let kind = |speedup_ratio| KindSpeed { speedup_ratio, spread_ratio: 0.05, ..KindSpeed::default() };
         assert!(!kind(1.04).differs() && !kind(0.96).differs());
         assert!(kind(1.06).differs() && kind(0.94).differs());
-    }
-
-    #[test]
-    fn a_mean_is_surer_than_its_parts_and_follows_the_weights() {
-        let kind =
-            |speedup_ratio: f64| KindSpeed { speedup_ratio, spread_ratio: 0.1 * speedup_ratio, ..KindSpeed::default() };
-        let mean = MeanSpeedup::of(&[2.0, 1.0, 0.5].map(|x| (1.0, kind(x))));
-        assert!((mean.speedup_ratio - 1.0).abs() < 1e-12 && (mean.spread_ratio - 0.1 / 3f64.sqrt()).abs() < 1e-12);
-        let unsure = KindSpeed { spread_ratio: f64::INFINITY, ..kind(4.0) };
-        let one = MeanSpeedup::of(&[(3.0, kind(2.0)), (0.0, unsure)]);
-        assert!((one.speedup_ratio - 2.0).abs() < 1e-12 && (one.spread_ratio - 0.2).abs() < 1e-12 && one.is_faster());
-        assert_eq!(MeanSpeedup::of(&[]), MeanSpeedup { speedup_ratio: 1.0, spread_ratio: 0.0 });
     }
 
     #[test]

@@ -122,7 +122,7 @@ fn contradictions<T: Tracer>(
 }
 
 /// What a tracer takes for the truth.
-fn seen_by<T: Tracer>(tracer: &T, rays: &[Ray]) -> Result<Vec<Option<TrueHit>>, T::Error> {
+pub(super) fn seen_by<T: Tracer>(tracer: &T, rays: &[Ray]) -> Result<Vec<Option<TrueHit>>, T::Error> {
     let hits = tracer.closest(&tracer.prepare(rays)?)?;
     let believed = |hit: Hit| TrueHit {
         t: f64::from(hit.t),

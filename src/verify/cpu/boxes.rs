@@ -130,13 +130,15 @@ impl<T: Real> BoxRay<T> {
 pub(super) type Stack<T> = Vec<(u32, T)>;
 
 /// Visits the leaves a ray enters between `t_min` and `t_max`, near ones first. `visit` takes the items of a leaf and
-/// returns the new `t_max`, or breaks off. The stack is a depth's worth of memory that is used again and again.
+/// returns the new `t_max`, or breaks off. The stack is a depth's worth of memory that is used again and again. Adds the
+/// number of inner nodes passed to `passed`.
 pub(super) fn traverse<T: Real>(
     nodes: &[BoxNode],
     ray: &BoxRay<T>,
     t_min: T,
     mut t_max: T,
     stack: &mut Stack<T>,
+    passed: &mut u32,
     mut visit: impl FnMut(Range<usize>) -> ControlFlow<(), T>,
 ) -> ControlFlow<()> {
     stack.clear();
@@ -149,6 +151,7 @@ pub(super) fn traverse<T: Real>(
         }
         let mut node = &nodes[at as usize];
         while node.count == 0 {
+            *passed += 1;
             let (left, right) = (node.first, node.first + 1);
             let enter_left = ray.enter(&nodes[left as usize], t_min, t_max);
             let enter_right = ray.enter(&nodes[right as usize], t_min, t_max);

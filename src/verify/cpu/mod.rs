@@ -11,5 +11,6 @@ mod watertight;
 mod tests;
 
 pub use reference::{Reference, TrueHit};
+pub use search::Steps;
 pub use tracer::CpuTracer;
 pub use two_level::TwoLevel;

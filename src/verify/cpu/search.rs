@@ -8,16 +8,28 @@ use super::boxes::{BoxRay, Real, Stack, traverse};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 
-/// The stacks of both levels, kept from ray to ray.
+/// The stacks of both levels, kept from ray to ray, and the steps of the last ray.
 pub(super) struct Stacks<T> {
     top: Stack<T>,
     bottom: Stack<T>,
+    pub(super) steps: Steps,
+}
+
+/// What a ray met on its way through both levels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Steps {
+    /// Inner nodes of the top tree.
+    pub top: u32,
+    /// Instances entered.
+    pub entries: u32,
+    /// Inner nodes of bottom trees.
+    pub bottom: u32,
 }
 
 impl<T> Stacks<T> {
     pub(super) fn new(accel: &TwoLevel) -> Self {
         let [top, bottom] = accel.depth.map(Vec::with_capacity);
-        Stacks { top, bottom }
+        Stacks { top, bottom, steps: Steps::default() }
     }
 }
 
@@ -61,14 +73,17 @@ pub(super) fn search<T: Real>(
     counts: impl Fn(&Found<T>) -> bool,
 ) -> Option<Found<T>> {
     let mut best: Option<Found<T>> = None;
-    let Stacks { top, bottom } = stacks;
-    let _ = traverse(&accel.top, ray, within.t_min, within.t_max, top, |items| {
+    let Stacks { top, bottom, steps } = stacks;
+    *steps = Steps::default();
+    let Steps { top: steps_top, entries, bottom: steps_bottom } = steps;
+    let _ = traverse(&accel.top, ray, within.t_min, within.t_max, top, steps_top, |items| {
         for at in items {
             let entry = &accel.entries[at];
             let mesh = &accel.bottom[entry.mesh as usize];
             let Some(inside) = enter(at, entry) else { continue };
+            *entries += 1;
             let limit = best.map_or(within.t_max, |b| b.t);
-            traverse(&mesh.nodes, &inside.boxes, within.t_min, limit, bottom, |items| {
+            traverse(&mesh.nodes, &inside.boxes, within.t_min, limit, bottom, steps_bottom, |items| {
                 for i in items {
                     let Some(crossing) = inside.triangles.cross(corners(entry, &mesh.corners[i])) else { continue };
                     let found = Found { t: crossing.t, entry: at, triangle: mesh.order[i], front: crossing.front };

@@ -7,7 +7,7 @@ use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 use rayon::prelude::*;
 
 use super::boxes::BoxRay;
-use super::search::{Found, Inside, Interval, Stacks, search};
+use super::search::{Found, Inside, Interval, Stacks, Steps, search};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 use crate::verify::rays::{Ray, RayKind};
@@ -42,6 +42,14 @@ impl<'a> CpuTracer<'a> {
     /// For each ray whether it hits anything.
     pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
+    }
+
+    /// What each ray meets on its way to the first hit, or to any.
+    pub fn steps(&self, rays: &[Ray], any: bool) -> Vec<Steps> {
+        self.each(rays, |ray, stacks| {
+            self.trace(ray, any, stacks);
+            stacks.steps
+        })
     }
 
     fn trace(&self, ray: &Ray, any: bool, stacks: &mut Stacks<f32>) -> Option<Hit> {

@@ -71,7 +71,7 @@ impl TwoLevel {
             .filter_map(|i| Entry::of(i, &scene.instances[i], &bottom, scale))
             .collect();
         let (entries, boxes): (Vec<Entry>, Vec<Bounds>) = placed.into_iter().unzip();
-        let tree = Tree::build(&boxes, Quality::Medium);
+        let tree = Tree::build(&boxes, Quality::Instances);
         let mut by_index: Vec<Option<Entry>> = entries.into_iter().map(Some).collect();
         let deepest = bottom.iter().map(|b| b.depth).max().unwrap_or(0);
         TwoLevel {

@@ -1,0 +1,102 @@
+//! Several layouts of one scene timed with the same rays.
+
+use super::build::Built;
+use super::rays::{self, RayKind};
+use super::speed::{self, Kinds};
+use super::tracing::seen_by;
+#[cfg(feature = "vulkan")]
+use super::vulkan::{Error, Pipelines, VulkanTracer};
+use super::{Machine, Tracer, VerifyOptions};
+use crate::scene::Scene;
+
+/// How one contender did.
+#[derive(Clone, Debug)]
+pub struct Lap {
+    /// Its speed by kind of rays, as the output's, against the input's.
+    pub kinds: Kinds,
+    /// What was built for it; `None` where that tells nothing of a device.
+    pub built: Option<Built>,
+}
+
+/// Times contenders one after the other, each in turns with `before`. `enter` makes the tracer of the contender of a
+/// number, or says why it cannot take part. Rays are those of `before`, as a verification times them.
+///
+/// # Errors
+/// Those of the tracer of `before`.
+pub(super) fn race<T: Tracer>(
+    scene: &Scene,
+    before: &T,
+    contenders: usize,
+    enter: impl Fn(usize) -> Result<T, T::Error>,
+    options: &VerifyOptions,
+) -> Result<Vec<Result<Lap, T::Error>>, T::Error> {
+    let count = options.timed_rays_per_kind.or(before.pace().rays).unwrap_or(options.rays_per_kind);
+    let rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
+    let prepared = rays.kinds.iter().map(|rays| before.prepare(rays)).collect::<Result<Vec<_>, _>>()?;
+    let lap = |i| {
+        let tracer = enter(i)?;
+        let mut kinds = Kinds::default();
+        for ((kind, rays), prepared) in RayKind::ALL.into_iter().zip(&rays.kinds).zip(&prepared) {
+            *kinds.of(kind) = speed::measure(kind, rays.len(), prepared, [before, &tracer], options.repeats)?;
+        }
+        Ok(Lap { kinds, built: tracer.built() })
+    };
+    Ok((0..contenders).map(lap).collect())
+}
+
+impl Machine {
+    /// Times contenders on the device: `scene_of` gives the scene of the contender of a number. `None` where the CPU
+    /// traces, whose speeds tell nothing of a device. A contender that the device cannot take has the reason instead of
+    /// its lap.
+    ///
+    /// # Errors
+    /// Why the device cannot take `before`, in words.
+    #[cfg(feature = "vulkan")]
+    pub fn race(
+        &self,
+        before: &Scene,
+        contenders: usize,
+        scene_of: impl Fn(usize) -> Scene,
+        options: &VerifyOptions,
+    ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
+        let device = self.device.as_ref()?;
+        let laps = Pipelines::new(device).and_then(|pipelines| {
+            let build = |scene: &Scene| VulkanTracer::new(&pipelines, scene, options.build);
+            race(before, &build(before)?, contenders, |i| build(&scene_of(i)), options)
+        });
+        let in_words =
+            |laps: Vec<Result<Lap, Error>>| laps.into_iter().map(|lap| lap.map_err(|e| e.to_string())).collect();
+        Some(laps.map(in_words).map_err(|e| e.to_string()))
+    }
+
+    /// Without Vulkan there is no device to race on.
+    #[cfg(not(feature = "vulkan"))]
+    pub fn race(
+        &self,
+        _: &Scene,
+        _: usize,
+        _: impl Fn(usize) -> Scene,
+        _: &VerifyOptions,
+    ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cpu::{CpuTracer, TwoLevel};
+    use super::super::test_scenes;
+    use super::*;
+
+    #[test]
+    fn every_contender_is_timed_with_every_kind_of_rays() {
+        let scene = test_scenes::room();
+        let trees = TwoLevel::build(&scene);
+        let options = VerifyOptions { rays_per_kind: 64, repeats: 3, ..VerifyOptions::default() };
+        let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, |_| Ok(CpuTracer::new(&trees)), &options);
+        assert_eq!(laps.len(), 2);
+        for Ok(lap) in laps {
+            assert!(lap.kinds.named().iter().all(|(_, k)| k.after_mrays_per_s > 0.0 && k.speedup_ratio > 0.0));
+        }
+    }
+}
