@@ -2,10 +2,12 @@
 //!
 //! The modules stand in the order of the data flow; arrows run one way, top to bottom:
 //! [`scene`] (what a ray tracer sees), [`cost`] (trees and metrics), [`layout`] (which triangles share a BLAS),
-//! [`bake`] (a layout made into a document), [`verify`] (rays through before and after), [`report`], [`cli`].
+//! [`emit`] (a layout made into a document), [`verify`] (rays through before and after), [`report`], [`choose`] (which
+//! layout to write), the commands [`bake`], [`mod@compare`] and [`inspect`], and [`cli`].
 //! Reading and writing files is the crate `raykiln-formats`.
 
 pub mod bake;
+pub mod choose;
 pub mod cli;
 pub mod compare;
 pub mod cost;

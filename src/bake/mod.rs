@@ -1,17 +1,16 @@
 //! The pipeline of a bake: read, analyse, choose, write, verify, keep the file, report.
 
-mod choose;
 mod clock;
 
 use std::path::Path;
 use std::time::Instant;
 
-pub use choose::Choice;
 pub use clock::Stage;
 
 use raykiln_formats::document::Staged;
 use raykiln_formats::{Document, Warning};
 
+use crate::choose::{self, ChooseOptions};
 use crate::cost::{self, Metrics};
 use crate::emit;
 use crate::layout::{self, Layout, Method};
@@ -25,9 +24,7 @@ use clock::Clock;
 #[derive(Clone, Debug, Default)]
 pub struct BakeOptions {
     /// How the layout is chosen.
-    pub method: Choice,
-    /// What the methods may be told.
-    pub layout: layout::Options,
+    pub choose: ChooseOptions,
     /// How the input is read.
     pub load: LoadOptions,
     /// Drop empty nodes nobody refers to.
@@ -72,12 +69,22 @@ pub fn bake(
     let before = measure_as_is(&scene);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
-    let chosen = choose::choose(&mut scene, &before, options);
+    let mut chosen = choose::choose(&mut scene, &before, &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    clock.enter(Stage::Write);
-    let written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
-    clock.enter(Stage::Verify);
-    let (after_scene, verification) = verify_staged(&scene, written.staged.path(), &machine, &options.verify)?;
+    let stage = |layout: &Layout, clock: &mut Clock| -> Result<_, BakeError> {
+        clock.enter(Stage::Write);
+        let written = write(&doc, &scene, layout, output, options.prune)?;
+        clock.enter(Stage::Verify);
+        let (after, verification) = verify_staged(&scene, written.staged.path(), &machine, &options.verify)?;
+        let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
+        Ok((written, after, verification, verdict))
+    };
+    let (mut written, mut after_scene, mut verification, mut verdict) = stage(&chosen.layout, &mut clock)?;
+    if chosen.measured && verdict == Verdict::NotFaster {
+        chosen = chosen.left_alone(&scene);
+        drop(written);
+        (written, after_scene, verification, verdict) = stage(&chosen.layout, &mut clock)?;
+    }
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_as_is(&after_scene) };
 
@@ -88,7 +95,7 @@ pub fn bake(
         input: Input::of(input.to_owned(), &scene),
         output: output.to_owned(),
         before,
-        verdict: verdict(&verification, &options.verify.weights, written.unchanged),
+        verdict,
         method: chosen.report.with_written(&after, verification.position_error_ratio, seconds),
         after,
         passes: [chosen.passes, written.passes].concat(),

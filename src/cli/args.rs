@@ -6,11 +6,15 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::bake::{BakeOptions, Choice};
+use crate::bake::BakeOptions;
+use crate::choose::model::Class;
+use crate::choose::plans::Effort;
+use crate::choose::{Choice, ChooseOptions};
 use crate::compare::MatchBy;
 use crate::layout::{self, Method};
 use crate::scene::LoadOptions;
 use crate::verify::build::{BlasPer, BuildOptions, Prefer};
+use crate::verify::weights::Weights;
 use crate::verify::{DeviceChoice, Matching, VerifyOptions};
 
 /// Bakes scenes for hardware ray tracing: decides which triangles share a bottom-level acceleration structure
@@ -101,6 +105,12 @@ pub(super) struct BakeArguments {
     /// How to decide which triangles share a BLAS
     #[arg(long, value_enum, default_value_t = MethodArgument::Auto)]
     method: MethodArgument,
+    /// auto: how many candidates to look at, and how closely, from 0 to 6
+    #[arg(long, value_name = "LEVEL", default_value_t = Effort::default().level(), value_parser = clap::value_parser!(u8).range(0..=i64::from(Effort::MOST)))]
+    effort: u8,
+    /// auto: what kind of device rays are predicted for where none is at hand to measure
+    #[arg(long, value_enum, default_value_t = ClassArgument::NoRtCores)]
+    device_class: ClassArgument,
     /// Also write a report to FILE (.json); may be repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
@@ -175,6 +185,9 @@ pub(super) struct VerifyArguments {
     /// [default: 16384 compared; as many timed, but 3686400 on a GPU]
     #[arg(long, value_name = "N")]
     rays: Option<u32>,
+    /// What each kind of rays counts for where one speed is wanted; kinds left out count nothing
+    #[arg(long, value_name = "KIND=WEIGHT,...", default_value = "primary=1,shadow=1,diffuse=1,random=0")]
+    weights: Weights,
     /// How often to repeat the timing of each kind
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().repeats)]
     repeats: u32,
@@ -242,8 +255,25 @@ pub(super) struct InspectArguments {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum ClassArgument {
+    /// Traversal in software
+    NoRtCores,
+    /// Traversal in hardware
+    RtCores,
+}
+
+impl From<ClassArgument> for Class {
+    fn from(argument: ClassArgument) -> Class {
+        match argument {
+            ClassArgument::NoRtCores => Class::NoRtCores,
+            ClassArgument::RtCores => Class::RtCores,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum MethodArgument {
-    /// The method of least predicted cost, the input as it is among them
+    /// The fastest of many candidates, the input as it is among them
     Auto,
     /// The input as it is
     Keep,
@@ -295,21 +325,25 @@ impl BakeArguments {
     pub(super) fn options(&self) -> Result<BakeOptions> {
         let l = &self.layout;
         Ok(BakeOptions {
-            method: self.method.into(),
-            layout: layout::Options {
-                nodes_per_triangle_ratio: l.nodes_per_triangle_ratio,
-                min_area_ratio: l.min_area_ratio,
-                skip_overlap_ratio: l.skip_overlap_ratio,
-                split_or_merge_ratio: l.split_or_merge_ratio,
-                split_ratio: l.split_ratio,
-                termination_overlap_ratio: l.termination_overlap_ratio,
-                min_triangles: l.min_triangles,
-                max_bytes_ratio: l.max_bytes_ratio,
-                entry_cost: l.entry_cost,
-                frames: l.frames,
-                max_group_triangles: l.max_group_triangles,
-                max_group_extent_ratio: l.max_group_extent_ratio,
-                ..layout::Options::default()
+            choose: ChooseOptions {
+                method: self.method.into(),
+                effort: Effort::new(self.effort),
+                class: self.device_class.into(),
+                layout: layout::Options {
+                    nodes_per_triangle_ratio: l.nodes_per_triangle_ratio,
+                    min_area_ratio: l.min_area_ratio,
+                    skip_overlap_ratio: l.skip_overlap_ratio,
+                    split_or_merge_ratio: l.split_or_merge_ratio,
+                    split_ratio: l.split_ratio,
+                    termination_overlap_ratio: l.termination_overlap_ratio,
+                    min_triangles: l.min_triangles,
+                    max_bytes_ratio: l.max_bytes_ratio,
+                    entry_cost: l.entry_cost,
+                    frames: l.frames,
+                    max_group_triangles: l.max_group_triangles,
+                    max_group_extent_ratio: l.max_group_extent_ratio,
+                    ..layout::Options::default()
+                },
             },
             load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
             prune: self.prune,
@@ -340,6 +374,7 @@ impl VerifyArguments {
             rays_per_kind: self.rays.unwrap_or(default.rays_per_kind),
             timed_rays_per_kind: self.rays,
             repeats: self.repeats,
+            weights: self.weights,
             seed: self.seed,
             max_position_error_ratio: self.max_position_error_ratio,
             ..default

@@ -85,7 +85,7 @@ fn count(scene: &Scene, layout: &Layout) -> Metrics {
 }
 
 /// A part of an area; 0 where the area is 0 or one of them is too large for a number.
-fn share(part: f64, of: f64) -> f64 {
+pub(crate) fn share(part: f64, of: f64) -> f64 {
     let share = part / of;
     if of.is_finite() && share.is_finite() { share } else { 0.0 }
 }

@@ -69,7 +69,7 @@ pub(super) fn cofactor(m: &DMat3) -> DMat3 {
 }
 
 /// By how much a matrix scales areas perpendicular to each axis.
-pub(super) fn face_scale(m: &DMat3) -> DVec3 {
+pub(crate) fn face_scale(m: &DMat3) -> DVec3 {
     let cofactor = cofactor(m);
     DVec3::new(cofactor.x_axis.length(), cofactor.y_axis.length(), cofactor.z_axis.length())
 }

@@ -7,10 +7,12 @@ use crate::layout::{Content, GroupGeometry, Layout};
 use crate::scene::{Bounds, InstanceId, Scene};
 
 /// What [`settle`] did.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settled {
     /// Groups whose positions are now stored relative to their centre.
     pub centred: usize,
+    /// The largest distance between a corner and its stored position, in world units.
+    pub error: f64,
     /// Instances whose triangles cannot be written out within the limit.
     pub refused: Vec<InstanceId>,
 }
@@ -23,7 +25,7 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settl
     let mut settled = Settled::default();
     for group in &mut layout.groups {
         let Content::Baked { frame, geometries } = &mut group.content else { continue };
-        let error = largest_error(scene, geometries, *frame);
+        let mut error = largest_error(scene, geometries, *frame);
         if error == 0.0 {
             continue;
         }
@@ -31,8 +33,10 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settl
         if error > limit.min(max_error_ratio * bounds.diagonal()) {
             frame.translation = centre(&bounds);
             settled.centred += 1;
+            error = largest_error(scene, geometries, *frame);
         }
-        if error > limit && largest_error(scene, geometries, *frame) > limit {
+        settled.error = settled.error.max(error);
+        if error > limit {
             settled.refused.extend(geometries.iter().flat_map(|g| g.triangles.iter().map(|t| InstanceId(t.instance))));
             settled.refused.sort_unstable();
             settled.refused.dedup();

@@ -248,7 +248,8 @@ fn far_groups_are_stored_around_their_centre() {
     let scene = load(&doc);
     let mut layout = baked(&scene);
     let limit = 1e-6 * scene.bounds().diagonal();
-    assert_eq!(settle(&scene, &mut layout, 1e-6), Settled { centred: 1, refused: Vec::new() });
+    let settled = settle(&scene, &mut layout, 1e-6);
+    assert_eq!((settled.centred, settled.refused.len()), (1, 0));
     let emitted = emit(&doc, &scene, &layout, false);
     assert!(emitted.position_error <= limit, "{}", emitted.position_error);
     let after = load(&emitted.document);
@@ -266,10 +267,12 @@ fn a_small_object_in_a_large_scene_keeps_its_shape() {
     );
     let scene = load(&doc);
     let mut layout = baked(&scene);
-    assert_eq!(settle(&scene, &mut layout, 1e-6), Settled::default());
+    let settled = settle(&scene, &mut layout, 1e-6);
+    assert_eq!((settled.centred, settled.refused.len()), (0, 0));
     let Content::Baked { geometries, .. } = &mut layout.groups[0].content else { unreachable!() };
     geometries[0].triangles.retain(|t| t.instance == 1);
-    assert_eq!(settle(&scene, &mut layout, 1e-6), Settled { centred: 1, refused: Vec::new() });
+    let settled = settle(&scene, &mut layout, 1e-6);
+    assert_eq!((settled.centred, settled.refused.len()), (1, 0));
 }
 
 #[test]

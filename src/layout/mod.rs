@@ -16,6 +16,7 @@ mod stored;
 #[cfg(test)]
 mod test_scenes;
 
+pub use cluster::looseness;
 pub use order::order_by_tree;
 pub use stored::stored;
 
@@ -43,7 +44,7 @@ pub struct Group {
 }
 
 /// What a group holds.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Content {
     /// A mesh of the input exactly as it is.
     Kept(MeshId),
@@ -60,7 +61,7 @@ pub enum Content {
 }
 
 /// The triangles of one geometry.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct GroupGeometry {
     /// Index into [`Scene::materials`].
     pub material: Option<u32>,
@@ -73,7 +74,7 @@ pub struct GroupGeometry {
 }
 
 /// One instance of a group.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// Index into [`Layout::groups`].
     pub group: u32,

@@ -75,8 +75,10 @@ pub struct Input {
 pub struct MethodReport {
     /// What the user asked for.
     pub requested: &'static str,
-    /// What was written.
+    /// The method of what was written.
     pub chosen: &'static str,
+    /// The candidate that was written.
+    pub chosen_candidate: String,
     /// Why, in words.
     pub reason: String,
     /// All layouts looked at.
@@ -86,12 +88,19 @@ pub struct MethodReport {
 /// A layout looked at.
 #[derive(Clone, Debug, Serialize)]
 pub struct Candidate {
-    /// Its method.
-    pub name: &'static str,
+    /// Its method, and what the method was told.
+    pub name: String,
     /// Two-level cost.
     pub predicted_cost: f64,
-    /// Rays a second on a device, in millions; none without a device.
+    /// Sampled cost: predicted picoseconds a ray, in the weighted mean over the kinds of rays. None where nothing was
+    /// traced to predict it.
+    pub sampled_cost: Option<f64>,
+    /// Rays a second on a device, in millions, in the weighted mean over the kinds of rays; none without a device.
     pub measured_mrays_per_s: Option<f64>,
+    /// Its speed over that of the input, measured in turns; none without a device.
+    pub measured_speedup_ratio: Option<f64>,
+    /// Why it was chosen or not.
+    pub outcome: String,
     /// Predicted bytes of BLASes and TLAS.
     pub as_bytes: u64,
     /// Largest position error over the scene's diagonal; none for layouts that were not written.
@@ -341,9 +350,9 @@ impl MethodReport {
     /// has none before: it is not costed until it is written.
     pub fn with_written(mut self, after: &Metrics, position_error_ratio: f64, seconds: f64) -> Self {
         if self.candidates.is_empty() {
-            self.candidates.push(Candidate::new(self.chosen, after, seconds));
+            self.candidates.push(Candidate::written(&self.chosen_candidate, after, seconds));
         }
-        if let Some(candidate) = self.candidates.iter_mut().find(|c| c.name == self.chosen) {
+        if let Some(candidate) = self.candidates.iter_mut().find(|c| c.name == self.chosen_candidate) {
             candidate.position_error_ratio = Some(position_error_ratio);
         }
         self
@@ -351,12 +360,15 @@ impl MethodReport {
 }
 
 impl Candidate {
-    /// A layout that was laid out and costed in so many seconds, but not written.
-    pub fn new(name: &'static str, metrics: &Metrics, seconds: f64) -> Self {
+    /// The layout that was asked for.
+    fn written(name: &str, metrics: &Metrics, seconds: f64) -> Self {
         Candidate {
-            name,
+            name: name.to_owned(),
             predicted_cost: metrics.two_level_cost,
+            sampled_cost: None,
             measured_mrays_per_s: None,
+            measured_speedup_ratio: None,
+            outcome: "asked for".to_owned(),
             as_bytes: metrics.blas_bytes.saturating_add(metrics.tlas_bytes),
             position_error_ratio: None,
             seconds,

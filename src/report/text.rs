@@ -153,10 +153,23 @@ fn candidates(report: &BakeReport) -> String {
         .candidates
         .iter()
         .map(|c| {
-            vec![c.name.into(), format!("{:.3}", c.predicted_cost), bytes(c.as_bytes), format!("{:.2}", c.seconds)]
+            let or_none = |value: Option<f64>, digits: usize| value.map_or("-".into(), |v| format!("{v:.digits$}"));
+            vec![
+                c.name.clone(),
+                format!("{:.2}", c.predicted_cost),
+                or_none(c.sampled_cost, 0),
+                or_none(c.measured_mrays_per_s, 0),
+                or_none(c.measured_speedup_ratio, 3),
+                bytes(c.as_bytes),
+                format!("{:.2}", c.seconds),
+                c.outcome.clone(),
+            ]
         })
         .collect();
-    format!("\n{}", table(&["candidate", "predicted cost", "bytes", "seconds"], &rows))
+    format!(
+        "\n{}",
+        table(&["candidate", "cost", "ps a ray", "Mrays/s", "speedup", "bytes", "seconds", "outcome"], &rows)
+    )
 }
 
 fn passes(report: &BakeReport) -> String {

@@ -65,6 +65,25 @@ impl Limits {
     }
 }
 
+/// How much larger the boxes of triangles are than they need be: the surface area of the world boxes of all triangles
+/// that may be regrouped over that of the tightest boxes there are; at least 1. An even sample of the triangles tells.
+pub fn looseness(scene: &Scene) -> f64 {
+    let free = (0..scene.instances.len() as u32).map(InstanceId);
+    let free: Vec<Object> = objects(scene, free.filter(|i| scene.instances[i.0 as usize].pinned.is_none()));
+    let triangles: usize = free.iter().map(|o| o.geometry(scene).triangles.len()).sum();
+    let step = triangles.div_ceil(SAMPLES).max(1);
+    let sample = free.iter().flat_map(|o| o.triangles(scene)).step_by(step);
+    let areas = sample.map(|at| {
+        let corners @ [a, b, c] = scene.world_corners(at);
+        [Bounds::of(corners).area(), 2.0 * (b - a).cross(c - a).length()]
+    });
+    let [loose, tight] = areas.fold([0.0, 0.0], |sum, a| [sum[0] + a[0], sum[1] + a[1]]);
+    if tight > 0.0 && loose.is_finite() { (loose / tight).max(1.0) } else { 1.0 }
+}
+
+/// Triangles that tell how loose the boxes of all are.
+const SAMPLES: usize = 1 << 16;
+
 /// The groups of least predicted cost.
 pub(super) fn cluster(scene: &Scene, options: &Options) -> Layout {
     bake_within_limits(scene, options, |bake| {

@@ -10,7 +10,10 @@ use rayon::prelude::*;
 use rustc_hash::FxBuildHasher;
 
 use super::boxes::{BoxNode, boxed};
+use crate::cost::sah::{FaceAreas, TRAVERSAL};
+use crate::cost::share;
 use crate::cost::tree::{Quality, Tree};
+use crate::cost::two_level::{INSTANCE_ENTRY, face_scale};
 use crate::scene::{Bounds, Instance, Mesh, Scene};
 use crate::verify::rounding::{Magnitude, SINGLE};
 
@@ -83,6 +86,33 @@ impl TwoLevel {
             bottom,
         }
     }
+}
+
+impl TwoLevel {
+    /// The two-level cost of the trees over an area of the scene, as [`crate::cost::two_level::TwoLevel::cost`] defines
+    /// it. Boxes are rounded outward and instances padded, so that it may come out larger by a few parts in a million.
+    pub fn cost(&self, scene_area: f64) -> f64 {
+        let of_mesh: Vec<FaceAreas> = self.bottom.par_iter().map(|b| face_areas(&b.nodes)).collect();
+        let inside = |e: &Entry| of_mesh[e.mesh as usize].cost(face_scale(&e.to_world.matrix3));
+        let top = face_areas(&self.top);
+        let entered = top.leaves.element_sum() * INSTANCE_ENTRY + top.inner.element_sum() * TRAVERSAL;
+        let all = entered + self.entries.iter().map(inside).sum::<f64>();
+        share(all / (self.scale * self.scale), scene_area)
+    }
+}
+
+/// The areas of the boxes of a tree.
+fn face_areas(nodes: &[BoxNode]) -> FaceAreas {
+    let mut sums = FaceAreas::default();
+    for node in nodes {
+        let s = DVec3::from(node.max.map(f64::from)) - DVec3::from(node.min.map(f64::from));
+        let faces = 2.0 * DVec3::new(s.y * s.z, s.z * s.x, s.x * s.y);
+        match node.count {
+            0 => sums.inner += faces,
+            count => sums.leaves += f64::from(count) * faces,
+        }
+    }
+    sums
 }
 
 impl Bottom {

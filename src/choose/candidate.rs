@@ -1,0 +1,167 @@
+//! A layout in the running.
+
+use std::time::Instant;
+
+use super::model::Ranking;
+use super::passes::pass;
+use super::plans::Plan;
+use crate::cost::{Metrics, bytes};
+use crate::emit;
+use crate::layout::{self, Content, Layout};
+use crate::report::{self, Pass};
+use crate::scene::{Pinned, Scene};
+use crate::verify::Lap;
+use crate::verify::cpu::TwoLevel;
+use crate::verify::weights::Weights;
+
+/// A candidate and what is known of it.
+pub(super) struct Candidate {
+    pub(super) plan: Plan,
+    pub(super) laid: Laid,
+    pub(super) predicted_cost: f64,
+    /// Predicted picoseconds a ray.
+    pub(super) sampled_cost: f64,
+    pub(super) as_bytes: u64,
+    /// Triangles of the largest group that could be divided: meshes of several instances, or of one that is pinned, cannot.
+    pub(super) largest_group: usize,
+    /// How it did on a device.
+    pub(super) lap: Option<Lap>,
+    pub(super) seconds: f64,
+    /// Why it was chosen or not.
+    pub(super) outcome: String,
+}
+
+/// A layout whose rounding is within the limit.
+pub(super) struct Laid {
+    pub(super) layout: Layout,
+    pub(super) passes: Vec<Pass>,
+    /// Why each instance of the scene is pinned, those among them that rounding would move too far.
+    pub(super) pins: Vec<Option<Pinned>>,
+    /// The largest distance between a corner and its stored position, over the diagonal of the scene.
+    pub(super) position_error_ratio: f64,
+}
+
+impl Laid {
+    /// Whether two layouts come to the same document but for names.
+    pub(super) fn is_same(&self, other: &Laid) -> bool {
+        let (a, b) = (&self.layout, &other.layout);
+        a.placements == b.placements
+            && a.groups.len() == b.groups.len()
+            && a.groups.iter().zip(&b.groups).all(|(a, b)| a.content == b.content)
+    }
+}
+
+impl Candidate {
+    /// Predicts what a layout costs; `trees` are those of the scene as it is.
+    pub(super) fn new(
+        scene: &Scene,
+        before: &Metrics,
+        plan: Plan,
+        laid: Laid,
+        ranking: &Ranking,
+        trees: &TwoLevel,
+    ) -> Candidate {
+        let (predicted_cost, sampled_cost) = if emit::is_unchanged(&laid.layout) {
+            (before.two_level_cost, ranking.picoseconds(trees))
+        } else {
+            let trees = TwoLevel::build(&layout::stored(scene, &laid.layout));
+            (trees.cost(scene.bounds().area()), ranking.picoseconds(&trees))
+        };
+        let as_bytes = as_bytes(scene, &laid.layout);
+        let largest_group = largest_group(scene, &laid.layout);
+        Candidate {
+            plan,
+            laid,
+            predicted_cost,
+            sampled_cost,
+            as_bytes,
+            largest_group,
+            lap: None,
+            seconds: 0.0,
+            outcome: String::new(),
+        }
+    }
+
+    /// Whether it is the input as it is.
+    pub(super) fn is_input(&self) -> bool {
+        emit::is_unchanged(&self.laid.layout)
+    }
+
+    /// Its entry in the report.
+    pub(super) fn report(&self, weights: &Weights) -> report::Candidate {
+        let overall = self.lap.as_ref().map(|lap| weights.overall(&lap.kinds));
+        report::Candidate {
+            name: self.plan.name.clone(),
+            predicted_cost: self.predicted_cost,
+            sampled_cost: Some(self.sampled_cost),
+            measured_mrays_per_s: overall.map(|o| o.after_mrays_per_s),
+            measured_speedup_ratio: overall.map(|o| o.speedup_ratio),
+            outcome: self.outcome.clone(),
+            as_bytes: self.as_bytes,
+            position_error_ratio: Some(self.laid.position_error_ratio),
+            seconds: self.seconds,
+        }
+    }
+}
+
+/// Predicted bytes of the BLASes and the TLAS of a layout.
+fn as_bytes(scene: &Scene, layout: &Layout) -> u64 {
+    let blas = layout.groups.iter().map(|g| bytes::blas(triangles(scene, &g.content) as u64));
+    blas.fold(bytes::tlas(layout.placements.len() as u64), u64::saturating_add)
+}
+
+fn triangles(scene: &Scene, content: &Content) -> usize {
+    match content {
+        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
+        Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
+            geometries.iter().map(|g| g.triangles.len()).sum()
+        }
+    }
+}
+
+/// As in [`Candidate::largest_group`].
+fn largest_group(scene: &Scene, layout: &Layout) -> usize {
+    let mut uses = vec![0u32; scene.meshes.len()];
+    scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += if i.pinned.is_some() { 2 } else { 1 });
+    let divisible = |content: &Content| match content {
+        Content::Kept(mesh) | Content::Piece(mesh, _) => uses[mesh.0 as usize] < 2,
+        Content::Baked { .. } => true,
+    };
+    let groups = layout.groups.iter().filter(|g| divisible(&g.content));
+    groups.map(|g| triangles(scene, &g.content)).max().unwrap_or(0)
+}
+
+/// Runs a plan and keeps its rounding within the limit; the scene's pins are as before.
+pub(super) fn lay_out(scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
+    let pins_before: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
+    let start = Instant::now();
+    let mut layout = layout::run(plan.method, scene, &plan.options);
+    let regrouped = !emit::is_unchanged(&layout);
+    let reason = if regrouped { "the layout differs from the input's" } else { "the layout is the input's" };
+    let mut passes = vec![pass("regroup", regrouped, reason, start)];
+
+    let start = Instant::now();
+    let mut settled = emit::settle(scene, &mut layout, max_error_ratio);
+    let mut refused = 0;
+    while !settled.refused.is_empty() {
+        refused += settled.refused.len();
+        scene.pin(&settled.refused, Pinned::Precision);
+        layout = layout::run(plan.method, scene, &plan.options);
+        settled = emit::settle(scene, &mut layout, max_error_ratio);
+    }
+    if refused > 0 {
+        layout.notes.push(format!(
+            "{refused} instances stay as they are: written out, their vertices would move farther than allowed"
+        ));
+    }
+    let reason = match settled.centred {
+        0 => "rounding stays within the limit where the groups are stored".to_owned(),
+        n => format!("{n} groups are stored around their centre so that rounding stays within the limit"),
+    };
+    passes.push(pass("centre frames", settled.centred > 0, &reason, start));
+    let pins = scene.instances.iter().map(|i| i.pinned).collect();
+    scene.instances.iter_mut().zip(pins_before).for_each(|(instance, pin)| instance.pinned = pin);
+    let diagonal = scene.bounds().diagonal();
+    let position_error_ratio = if settled.error == 0.0 { 0.0 } else { settled.error / diagonal };
+    Laid { layout, passes, pins, position_error_ratio }
+}

@@ -1,0 +1,202 @@
+//! Which layout to write: the method asked for, or with `auto` the best of many.
+//!
+//! Candidates are laid out, ranked by what rays are predicted to cost ([`model`]), and, where a device traces, the best
+//! few of them are built and timed in turns with the input: structure is where predictions fail. The input as it is
+//! always competes, and wins where nothing beats it.
+
+mod candidate;
+mod decide;
+pub mod model;
+mod passes;
+pub mod plans;
+
+use std::time::Instant;
+
+use crate::cost::Metrics;
+use crate::layout::{self, Layout, Method};
+use crate::report::{MethodReport, Pass};
+use crate::scene::Scene;
+use crate::verify::cpu::{Reference, TwoLevel};
+use crate::verify::rays;
+use crate::verify::{Machine, VerifyOptions};
+use candidate::{Candidate, Laid, lay_out};
+use model::{Class, Ranking};
+use plans::{Effort, Plan};
+
+/// How the layout is chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Choice {
+    /// The best of many candidates; the input as it is among them.
+    #[default]
+    Auto,
+    /// One method.
+    Method(Method),
+}
+
+impl Choice {
+    fn name(self) -> &'static str {
+        match self {
+            Choice::Auto => "auto",
+            Choice::Method(method) => method.name(),
+        }
+    }
+}
+
+/// What choosing may be told.
+#[derive(Clone, Debug, Default)]
+pub struct ChooseOptions {
+    /// How the layout is chosen.
+    pub method: Choice,
+    /// What the methods may be told.
+    pub layout: layout::Options,
+    /// How many candidates `auto` looks at, and how closely.
+    pub effort: Effort,
+    /// What kind of device the rays of the user run on, for predictions.
+    pub class: Class,
+}
+
+/// Bytes of acceleration structures that `auto` allows over the input's where the user sets no limit.
+const AUTO_MAX_BYTES_RATIO: f64 = 1.25;
+
+/// The layout to write, and how it came about.
+pub struct Chosen {
+    /// The layout, ready to be written.
+    pub layout: Layout,
+    /// How it was chosen.
+    pub report: MethodReport,
+    /// What was done and left out.
+    pub passes: Vec<Pass>,
+    /// Whether it was measured to be the fastest, rather than predicted or asked for.
+    pub measured: bool,
+}
+
+impl Chosen {
+    /// The input as it is instead, for a candidate that was not faster when it was measured again.
+    pub fn left_alone(self, scene: &Scene) -> Chosen {
+        let layout = layout::run(Method::Keep, scene, &layout::Options::default());
+        let reason = format!("{} was not faster than the input when it was verified", self.report.chosen_candidate);
+        let keep = Method::Keep.name();
+        let report = MethodReport { chosen: keep, chosen_candidate: keep.to_owned(), reason, ..self.report };
+        Chosen { layout, report, ..self }
+    }
+}
+
+/// Chooses a layout and readies it for writing. Instances that could not be written out within the position error
+/// allowed become pinned.
+pub fn choose(
+    scene: &mut Scene,
+    before: &Metrics,
+    machine: &Machine,
+    options: &ChooseOptions,
+    verify: &VerifyOptions,
+) -> Chosen {
+    match options.method {
+        Choice::Method(method) => asked_for(scene, method, options, verify),
+        Choice::Auto => best(scene, before, machine, options, verify),
+    }
+}
+
+fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify: &VerifyOptions) -> Chosen {
+    let plan = Plan { name: method.name().to_owned(), method, options: options.layout.clone() };
+    let laid = lay_out(scene, &plan, verify.max_position_error_ratio);
+    let report = MethodReport {
+        requested: options.method.name(),
+        chosen: method.name(),
+        chosen_candidate: method.name().to_owned(),
+        reason: "asked for".to_owned(),
+        candidates: Vec::new(),
+    };
+    finish(scene, laid, report, Vec::new(), false)
+}
+
+/// The best candidate.
+fn best(
+    scene: &mut Scene,
+    before: &Metrics,
+    machine: &Machine,
+    options: &ChooseOptions,
+    verify: &VerifyOptions,
+) -> Chosen {
+    let max_bytes_ratio = options.layout.max_bytes_ratio.or(Some(AUTO_MAX_BYTES_RATIO));
+    let told = layout::Options { max_bytes_ratio, ..options.layout.clone() };
+    let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
+    let mut candidates = evaluate(scene, before, &plans, options, verify);
+    let start = Instant::now();
+    let raced = race(scene, machine, &mut candidates, options.effort, verify);
+    passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
+    let measured = raced.is_ok_and(|count| count > 0);
+    let decision = decide::decide(&mut candidates, &verify.weights, &told, measured);
+    let winner = candidates.swap_remove(decision.winner);
+    let mut reports: Vec<_> = candidates.iter().map(|c| c.report(&verify.weights)).collect();
+    let last = reports.len();
+    reports.push(winner.report(&verify.weights));
+    reports.swap(decision.winner, last);
+    let report = MethodReport {
+        requested: "auto",
+        chosen: winner.plan.method.name(),
+        chosen_candidate: winner.plan.name.clone(),
+        reason: decision.reason,
+        candidates: reports,
+    };
+    scene.instances.iter_mut().zip(&winner.laid.pins).for_each(|(instance, pin)| instance.pinned = *pin);
+    finish(scene, winner.laid, report, passes, measured)
+}
+
+/// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs.
+fn evaluate(
+    scene: &mut Scene,
+    before: &Metrics,
+    plans: &[Plan],
+    options: &ChooseOptions,
+    verify: &VerifyOptions,
+) -> Vec<Candidate> {
+    let trees = TwoLevel::build(scene);
+    let rays = rays::generate(scene, &Reference::new(&trees), options.effort.rays(), verify.seed);
+    let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights };
+    let mut candidates: Vec<Candidate> = Vec::new();
+    for plan in plans {
+        let start = Instant::now();
+        let laid = lay_out(scene, plan, verify.max_position_error_ratio);
+        if candidates.iter().any(|c| c.laid.is_same(&laid)) {
+            continue;
+        }
+        let candidate = Candidate::new(scene, before, plan.clone(), laid, &ranking, &trees);
+        candidates.push(Candidate { seconds: start.elapsed().as_secs_f64(), ..candidate });
+    }
+    candidates
+}
+
+/// Times the most promising candidates on the device, if there is one; gives their number, or why there are none.
+fn race(
+    scene: &Scene,
+    machine: &Machine,
+    candidates: &mut [Candidate],
+    effort: Effort,
+    verify: &VerifyOptions,
+) -> Result<usize, String> {
+    let chosen = decide::contenders(candidates, effort);
+    if chosen.is_empty() {
+        return Err("no candidate differs from the input".to_owned());
+    }
+    let scene_of = |i: usize| layout::stored(scene, &candidates[chosen[i]].laid.layout);
+    let laps = machine.race(scene, chosen.len(), scene_of, verify).ok_or("no device traces rays: the model decides")?;
+    let mut count = 0;
+    for (&i, lap) in chosen.iter().zip(laps?) {
+        match lap {
+            Ok(lap) => {
+                candidates[i].lap = Some(lap);
+                count += 1;
+            }
+            Err(why) => candidates[i].outcome = why,
+        }
+    }
+    Ok(count)
+}
+
+/// Puts the triangles of what is written in tree order.
+fn finish(scene: &Scene, laid: Laid, report: MethodReport, mut passes: Vec<Pass>, measured: bool) -> Chosen {
+    let Laid { mut layout, passes: of_layout, .. } = laid;
+    passes.extend(of_layout);
+    passes.push(passes::order(scene, &mut layout));
+    Chosen { layout, report, passes, measured }
+}

@@ -1,0 +1,115 @@
+//! The layouts that `auto` looks at.
+
+use crate::layout::{Method, Options};
+
+/// How much time to spend, from 0 to 6.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Effort(u8);
+
+impl Default for Effort {
+    fn default() -> Self {
+        Effort(3)
+    }
+}
+
+impl Effort {
+    /// The largest.
+    pub const MOST: u8 = 6;
+
+    /// An effort; the largest for more than that.
+    pub fn new(level: u8) -> Effort {
+        Effort(level.min(Effort::MOST))
+    }
+
+    /// The number.
+    pub fn level(self) -> u8 {
+        self.0
+    }
+
+    /// Layouts measured on a device, besides the input and the single BLAS.
+    pub(super) fn measured(self) -> usize {
+        [1, 1, 3, 5, 8, 12, usize::MAX][usize::from(self.0)]
+    }
+
+    /// Rays of each kind by which layouts are ranked.
+    pub(super) fn rays(self) -> usize {
+        [1024, 2048, 4096, 8192, 8192, 16_384, 32_768][usize::from(self.0)]
+    }
+}
+
+/// A layout to be looked at: a method and what it is told.
+#[derive(Clone, Debug)]
+pub(super) struct Plan {
+    pub(super) name: String,
+    pub(super) method: Method,
+    pub(super) options: Options,
+}
+
+/// A plan that is looked at from some effort on.
+type Entry = (u8, &'static str, Method, fn(&mut Options));
+
+/// An entry that no group of its own is worth, so that all triangles stay in one group, in the frame that fits best.
+const PROHIBITIVE: f64 = 1e9;
+
+/// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
+/// fewer and larger groups: on devices without RT cores they pay most often.
+const PLANS: [Entry; 15] = [
+    (0, "keep", Method::Keep, |_| {}),
+    (0, "single", Method::Single, |_| {}),
+    (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
+    (2, "cluster, entry 15", Method::Cluster, |o| o.entry_cost = 15.0),
+    (3, "cluster, entry 40", Method::Cluster, |o| o.entry_cost = 40.0),
+    (3, "cluster, entry 5", Method::Cluster, |o| o.entry_cost = 5.0),
+    (3, "cluster, entry 15, extent 0.25", Method::Cluster, |o| {
+        (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.25))
+    }),
+    (3, "overlap", Method::Overlap, |_| {}),
+    (4, "per-object", Method::PerObject, |_| {}),
+    (4, "bvh", Method::Bvh, |_| {}),
+    (4, "cluster, entry 25", Method::Cluster, |o| o.entry_cost = 25.0),
+    (4, "cluster, entry 15, extent 0.5", Method::Cluster, |o| {
+        (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.5))
+    }),
+    (5, "cluster, entry 2", Method::Cluster, |o| o.entry_cost = 2.0),
+    (5, "cluster, entry 15, extent 0.125", Method::Cluster, |o| {
+        (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.125))
+    }),
+    (6, "cluster, entry 80", Method::Cluster, |o| o.entry_cost = 80.0),
+];
+
+/// The plans of an effort. Where the user bounds groups, only methods that heed the bounds remain, and the input.
+pub(super) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
+    let bounded = options.max_group_triangles.is_some() || options.max_group_extent_ratio.is_some();
+    let heeds = |entry: &&Entry| !bounded || matches!(entry.2, Method::Keep | Method::Cluster);
+    let plan = |&(_, name, method, tell): &Entry| {
+        let mut told = options.clone();
+        tell(&mut told);
+        let smaller = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::min);
+        told.max_group_extent_ratio = smaller(told.max_group_extent_ratio, options.max_group_extent_ratio);
+        Plan { name: name.to_owned(), method, options: told }
+    };
+    PLANS.iter().filter(|entry| entry.0 <= effort.0).filter(heeds).map(plan).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_effort_looks_at_more_and_the_input_always_competes() {
+        let counts: Vec<usize> = (0..=6).map(|e| plans(Effort::new(e), &Options::default()).len()).collect();
+        assert!(counts.windows(2).all(|c| c[0] < c[1]), "{counts:?}");
+        assert_eq!(counts[6], PLANS.len());
+        assert!((0..=6).all(|e| plans(Effort::new(e), &Options::default())[0].method == Method::Keep));
+        assert_eq!(Effort::new(200).level(), 6);
+    }
+
+    #[test]
+    fn bounds_of_the_user_are_never_loosened() {
+        let options = Options { max_group_extent_ratio: Some(0.3), ..Options::default() };
+        for plan in plans(Effort::new(6), &options) {
+            assert!(matches!(plan.method, Method::Keep | Method::Cluster));
+            assert!(plan.options.max_group_extent_ratio.is_some_and(|ratio| ratio <= 0.3), "{}", plan.name);
+        }
+    }
+}
