@@ -1,12 +1,13 @@
 //! What traces the rays of a verification: a Vulkan device, or the CPU.
 
-use super::{Verification, VerifyOptions, verify};
 #[cfg(feature = "vulkan")]
 use super::{
+    Tracers,
     cpu::{Reference, TwoLevel},
     verify_with,
     vulkan::{Device, DeviceInfo, Error, Options, Pipelines, Vulkan, VulkanTracer, Wanted},
 };
+use super::{Verification, VerifyOptions, verify};
 use crate::scene::Scene;
 
 /// Where to trace.
@@ -77,7 +78,20 @@ impl Machine {
         Ok(Machine { device: Some(device), named: true, notes: Vec::new() })
     }
 
-    /// Verifies `after` against `before`. Where the device cannot take the scenes, the CPU does it and a note says so.
+    /// A device opened already, as if it had been named or not.
+    #[cfg(test)]
+    pub(super) fn of(device: Device, named: bool) -> Machine {
+        Machine { device: Some(device), named, notes: Vec::new() }
+    }
+
+    /// Most of the device's memory that was in use at a time, in bytes.
+    #[cfg(test)]
+    pub(super) fn device_peak(&self) -> u64 {
+        self.device.as_ref().map_or(0, Device::peak_memory)
+    }
+
+    /// Verifies `after` against `before`. Where the device cannot hold the structures of both, it does one after the
+    /// other; where it cannot take the scenes at all, the CPU does it. A note says so.
     ///
     /// # Errors
     /// A device named that fails otherwise.
@@ -85,7 +99,10 @@ impl Machine {
         let mut notes = self.notes.clone();
         let found = match self.device.as_ref().map(|device| verify_on(device, before, after, options)) {
             None => verify(before, after, options),
-            Some(Ok(found)) => found,
+            Some(Ok((found, note))) => {
+                notes.extend(note);
+                found
+            }
             Some(Err(e)) if !self.named || matches!(e, Error::OutOfMemory { .. } | Error::Limit { .. }) => {
                 notes.push(format!("rays are traced on the CPU: {e}"));
                 verify(before, after, options)
@@ -115,17 +132,39 @@ fn no_hardware(devices: &[DeviceInfo]) -> String {
     }
 }
 
-/// Verifies on a device. The trees of the truth are built while the device builds its own.
+/// Verifies on a device; a note says where not both layouts fit its memory at once. The trees of the truth are built
+/// while the device builds its own.
 #[cfg(feature = "vulkan")]
-fn verify_on(device: &Device, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, Error> {
+fn verify_on(
+    device: &Device,
+    before: &Scene,
+    after: &Scene,
+    options: &VerifyOptions,
+) -> Result<(Verification, Option<String>), Error> {
     std::thread::scope(|scope| {
         let trees = scope.spawn(|| TwoLevel::build(before));
         let pipelines = Pipelines::new(device)?;
         let build = |scene| VulkanTracer::new(&pipelines, scene, options.build);
-        let tracers = [build(before)?, build(after)?];
+        let both = build(before).and_then(|first| Ok([first, build(after)?]));
         let trees = trees.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        verify_with(before, after, &Reference::new(&trees), [&tracers[0], &tracers[1]], options)
+        let reference = Reference::new(&trees);
+        let verify = |tracers: Tracers<'_, _>| verify_with(before, after, &reference, tracers, options);
+        match both.and_then(|both| verify(Tracers::Together([&both[0], &both[1]]))) {
+            Err(why @ Error::OutOfMemory { .. }) => {
+                let found = verify(Tracers::OneByOne([&|| build(before), &|| build(after)]))?;
+                Ok((found, Some(not_in_turns(&why))))
+            }
+            found => Ok((found?, None)),
+        }
     })
+}
+
+#[cfg(feature = "vulkan")]
+fn not_in_turns(why: &Error) -> String {
+    format!(
+        "the structures of input and output were built and timed one after the other, not in turns: {why}; speeds may \
+         have drifted in between by more than the spread"
+    )
 }
 
 #[cfg(not(feature = "vulkan"))]

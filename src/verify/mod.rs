@@ -35,7 +35,7 @@ pub use device::{DeviceChoice, DeviceError, Machine};
 use identity::Identity;
 pub use race::Lap;
 use surface::Surfaces;
-pub use tracing::{Pace, Tracer};
+pub use tracing::{Pace, Tracer, Tracers};
 pub use verdict::Verification;
 use weights::Weights;
 
@@ -120,13 +120,14 @@ pub fn verify(before: &Scene, after: &Scene, options: &VerifyOptions) -> Verific
 ///
 /// # Errors
 /// Those of the tracers.
-pub fn verify_with<T: Tracer>(
+pub fn verify_with<'t, T: Tracer + 't>(
     before: &Scene,
     after: &Scene,
     reference: &Reference,
-    tracers: [&T; 2],
+    tracers: impl Into<Tracers<'t, T>>,
     options: &VerifyOptions,
 ) -> Result<Verification, T::Error> {
+    let tracers = tracers.into();
     let rays = rays::generate(before, reference, options.rays_per_kind as usize, options.seed);
     if options.matching == Matching::Surface {
         let surfaces = Surfaces::new(before, after, reference, rays.radius, options);

@@ -23,10 +23,40 @@ pub struct KindSpeed {
     pub speedup_ratio: f64,
     /// How far off `speedup_ratio` may be: half the width of its confidence interval of about 95 % (86 % at four
     /// repeats). 0 where all repeats are alike; infinite (`null` in JSON) for fewer than three, of which nothing follows.
+    /// Where both were not timed in turns, the sum of what their medians may be off.
     pub spread_ratio: f64,
 }
 
 impl KindSpeed {
+    /// Of `count` rays that took so many seconds through the input and, in between, through the output: see [`times`].
+    pub fn in_turns(count: usize, [before, after]: [Vec<f64>; 2]) -> KindSpeed {
+        let around = before.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
+        let ratios: Vec<f64> = around.zip(&after).map(|(around, between)| around / between).collect();
+        if count == 0 || ratios.is_empty() {
+            return KindSpeed::default();
+        }
+        let speedup_ratio = median(&ratios);
+        KindSpeed { speedup_ratio, spread_ratio: off(&ratios), ..KindSpeed::medians(count, &before, &after) }
+    }
+
+    /// As [`KindSpeed::in_turns`], timed one after the other: no turns make up for a drift between the two, so that
+    /// what either median may be off adds up.
+    pub fn one_after_the_other(count: usize, [before, after]: [Vec<f64>; 2]) -> KindSpeed {
+        if count == 0 || before.is_empty() || after.is_empty() {
+            return KindSpeed::default();
+        }
+        let medians = KindSpeed::medians(count, &before, &after);
+        let relative = off(&before) / median(&before) + off(&after) / median(&after);
+        KindSpeed { spread_ratio: medians.speedup_ratio * relative, ..medians }
+    }
+
+    fn medians(count: usize, before: &[f64], after: &[f64]) -> KindSpeed {
+        let mrays_per_s = |seconds: &[f64]| count as f64 / 1e6 / median(seconds);
+        let [before_mrays_per_s, after_mrays_per_s] = [mrays_per_s(before), mrays_per_s(after)];
+        let speedup_ratio = after_mrays_per_s / before_mrays_per_s;
+        KindSpeed { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio: 0.0 }
+    }
+
     /// Whether the speeds differ by more than the spread.
     pub fn differs(&self) -> bool {
         (self.speedup_ratio - 1.0).abs() > self.spread_ratio
@@ -72,63 +102,51 @@ impl Kinds {
 /// Successive times that differ by less than this share have settled.
 const SETTLED_RATIO: f64 = 0.01;
 
-/// Fewer paired ratios than this say nothing about how far off their median is.
-const FEWEST_RATIOS: usize = 3;
+/// Fewer numbers than this say nothing about how far off their median is.
+const FEWEST: usize = 3;
 
 /// Half the width of the confidence interval over [`deviation`] and the root of the number of ratios. Found by
 /// simulation of normal, Laplace and heavy-tailed errors of single times: so the interval holds the true ratio in 94 % to
 /// 96 % of all series of 3, 5 or 7, in 86 % of 4, in 97 % or more of 6 and of more than 7.
 const CONFIDENCE: f64 = 4.0;
 
-/// Times `count` rays through both scenes, in turns: through the output `repeats` times, through the input once more.
+/// Seconds that tracers take for the same rays, in turns, so that a drift of the machine's speed meets all alike: the first
+/// one begins and ends. For each tracer a list, of `repeats` times, for the first one of one more.
 ///
 /// # Errors
 /// Those of the tracers.
-pub fn measure<T: Tracer>(
+pub fn times<T: Tracer, const N: usize>(
     kind: RayKind,
-    count: usize,
     rays: &T::Rays<'_>,
-    tracers: [&T; 2],
+    tracers: [&T; N],
     repeats: u32,
-) -> Result<KindSpeed, T::Error> {
-    if count == 0 {
-        return Ok(KindSpeed::default());
-    }
+) -> Result<[Vec<f64>; N], T::Error> {
     warm_up(kind, rays, tracers)?;
     // A clock that did not advance counts as one nanosecond.
-    let time = |side: usize| Ok(tracers[side].seconds(kind, rays)?.max(1e-9));
-    let (mut before, mut after) = (vec![time(0)?], Vec::new());
-    for _ in 0..repeats.max(1) {
-        after.push(time(1)?);
-        before.push(time(0)?);
+    let time = |tracer: &T| Ok(tracer.seconds(kind, rays)?.max(1e-9));
+    let mut times = [const { Vec::new() }; N];
+    for round in 0..=repeats.max(1) {
+        for (at, tracer) in tracers.into_iter().enumerate().skip(usize::from(round > 0)) {
+            if at > 0 && round > 0 {
+                times[at].push(time(tracer)?);
+            }
+        }
+        if let (Some(first), Some(times)) = (tracers.first(), times.first_mut()) {
+            times.push(time(first)?);
+        }
     }
-    Ok(speed(count, &before, &after))
+    Ok(times)
 }
 
-/// The speed of `count` rays, given the seconds they took through the input and, in between, through the output.
-fn speed(count: usize, before: &[f64], after: &[f64]) -> KindSpeed {
-    let mrays_per_s = |seconds: &[f64]| count as f64 / 1e6 / median(seconds);
-    let ratios: Vec<f64> =
-        before.windows(2).zip(after).map(|(around, between)| 0.5 * (around[0] + around[1]) / between).collect();
-    let speedup_ratio = median(&ratios);
-    let spread_ratio = match ratios.len() {
-        n if n < FEWEST_RATIOS => f64::INFINITY,
-        n => CONFIDENCE * deviation(&ratios, speedup_ratio) / (n as f64).sqrt(),
-    };
-    KindSpeed {
-        before_mrays_per_s: mrays_per_s(before),
-        after_mrays_per_s: mrays_per_s(after),
-        speedup_ratio,
-        spread_ratio,
-    }
-}
-
-/// Traces until both times settle, or as often as the tracer needs at most.
-fn warm_up<T: Tracer>(kind: RayKind, rays: &T::Rays<'_>, tracers: [&T; 2]) -> Result<(), T::Error> {
-    let mut last = [0.0; 2];
-    for _ in 0..tracers[0].pace().most_warm_ups {
-        let now = [tracers[0].seconds(kind, rays)?, tracers[1].seconds(kind, rays)?];
-        if (0..2).all(|i| (now[i] - last[i]).abs() < SETTLED_RATIO * now[i]) {
+/// Traces until all times settle, or as often as the tracers need at most.
+fn warm_up<T: Tracer, const N: usize>(kind: RayKind, rays: &T::Rays<'_>, tracers: [&T; N]) -> Result<(), T::Error> {
+    let mut last = [0.0; N];
+    for _ in 0..tracers.first().map_or(0, |t| t.pace().most_warm_ups) {
+        let mut now = [0.0; N];
+        for (tracer, now) in tracers.into_iter().zip(&mut now) {
+            *now = tracer.seconds(kind, rays)?;
+        }
+        if (0..N).all(|i| (now[i] - last[i]).abs() < SETTLED_RATIO * now[i]) {
             break;
         }
         last = now;
@@ -140,6 +158,14 @@ fn warm_up<T: Tracer>(kind: RayKind, rays: &T::Rays<'_>, tracers: [&T; 2]) -> Re
 fn median(numbers: &[f64]) -> f64 {
     let sorted = sorted(numbers.iter().copied());
     0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2])
+}
+
+/// How far off the median of some numbers may be.
+fn off(numbers: &[f64]) -> f64 {
+    match numbers.len() {
+        n if n < FEWEST => f64::INFINITY,
+        n => CONFIDENCE * deviation(numbers, median(numbers)) / (n as f64).sqrt(),
+    }
 }
 
 /// The distance from their middle that two thirds of some numbers keep to: about the standard deviation of normal ones.
@@ -165,8 +191,8 @@ mod tests {
         [(0..=repeats).map(|i| clock(2 * i)).collect(), (0..repeats).map(|i| clock(2 * i + 1) / speedup).collect()]
     }
 
-    fn of([before, after]: &[Vec<f64>; 2]) -> KindSpeed {
-        speed(1_000_000, before, after)
+    fn of(times: &[Vec<f64>; 2]) -> KindSpeed {
+        KindSpeed::in_turns(1_000_000, times.clone())
     }
 
     /// A normal number, nearly: the sum of twelve uniform ones (Irwin and Hall).
@@ -239,6 +265,23 @@ mod tests {
         let kind = |speedup_ratio| KindSpeed { speedup_ratio, spread_ratio: 0.05, ..KindSpeed::default() };
         assert!(!kind(1.04).differs() && !kind(0.96).differs());
         assert!(kind(1.06).differs() && kind(0.94).differs());
+    }
+
+    #[test]
+    fn without_turns_the_spreads_add_up() {
+        let apart = KindSpeed::one_after_the_other(1_000_000, [vec![1.0, 1.25, 1.0], vec![0.5, 0.5, 0.5]]);
+        assert_eq!((apart.before_mrays_per_s, apart.after_mrays_per_s, apart.speedup_ratio), (1.0, 2.0, 2.0));
+        assert_eq!(apart.spread_ratio, 2.0 * off(&[1.0, 1.25, 1.0]));
+        let both = KindSpeed::one_after_the_other(1_000_000, [vec![1.0, 1.25, 1.25], vec![1.0, 1.25, 1.25]]);
+        assert!((both.spread_ratio - 2.0 * off(&[1.0, 1.25, 1.25]) / 1.25).abs() < 1e-12);
+        assert!(!KindSpeed::one_after_the_other(1, [vec![9.0; 2], vec![1.0; 2]]).differs());
+    }
+
+    #[test]
+    fn no_rays_have_no_speed() {
+        assert_eq!(KindSpeed::in_turns(0, [vec![0.0; 2], vec![0.0]]), KindSpeed::default());
+        assert_eq!(KindSpeed::in_turns(7, [Vec::new(), vec![1.0]]), KindSpeed::default());
+        assert_eq!(KindSpeed::one_after_the_other(7, [vec![1.0], Vec::new()]), KindSpeed::default());
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::build::{Built, Structures};
 use super::compare::Tally;
 use super::cpu::TrueHit;
 use super::rays::{self, Ray, RayKind, Rays};
-use super::speed::{self, Kinds};
+use super::speed::{self, KindSpeed, Kinds};
 use crate::scene::{Scene, TriangleRef};
 
 /// Something that traces rays through one scene.
@@ -72,53 +72,145 @@ pub(super) struct Seen {
     pub(super) structures: Option<Structures>,
 }
 
+/// The tracers of the input and of the output.
+pub enum Tracers<'t, T: Tracer> {
+    /// Both at once: timed in turns.
+    Together([&'t T; 2]),
+    /// Each made when its turn comes, and gone before the other is made, where there is no room for both.
+    OneByOne([&'t dyn Fn() -> Result<T, T::Error>; 2]),
+}
+
+impl<'t, T: Tracer> From<[&'t T; 2]> for Tracers<'t, T> {
+    fn from(both: [&'t T; 2]) -> Tracers<'t, T> {
+        Tracers::Together(both)
+    }
+}
+
+/// Compares what two tracers make of rays of a kind.
+pub(super) trait Compare: Fn(RayKind, &[Ray], [&[Option<Hit>]; 2]) -> Tally {}
+
+impl<F: Fn(RayKind, &[Ray], [&[Option<Hit>]; 2]) -> Tally> Compare for F {}
+
 /// Traces rays through both scenes, compares what they see, and times them.
 pub(super) fn trace<T: Tracer>(
     before: &Scene,
     rays: &Rays,
-    tracers: [&T; 2],
+    tracers: Tracers<'_, T>,
     options: &VerifyOptions,
-    compare: impl Fn(RayKind, &[Ray], [&[Option<Hit>]; 2]) -> Tally,
+    compare: impl Compare,
 ) -> Result<Seen, T::Error> {
-    let mut tally = Tally::default();
-    let prepared = rays.kinds.iter().map(|rays| tracers[0].prepare(rays)).collect::<Result<Vec<_>, _>>()?;
-    for ((kind, rays), prepared) in RayKind::ALL.into_iter().zip(&rays.kinds).zip(&prepared) {
-        let hits = [tracers[0].closest(prepared)?, tracers[1].closest(prepared)?];
-        tally.add(compare(kind, rays, [&hits[0], &hits[1]]));
-        if kind == RayKind::Shadow {
-            tally.tracer_faults += contradictions(prepared, tracers, &hits)?;
-        }
+    match tracers {
+        Tracers::Together(tracers) => together(before, rays, tracers, options, compare),
+        Tracers::OneByOne(make) => one_by_one(before, rays, make, options, compare),
     }
-    let structures = tracers[0].built().zip(tracers[1].built()).map(|(before, after)| Structures::of([before, after]));
-    let mut kinds = Kinds::default();
-    let timed = options.timed_rays_per_kind.or(tracers[0].pace().rays).unwrap_or(options.rays_per_kind);
-    if timed == options.rays_per_kind {
-        for ((kind, rays), prepared) in RayKind::ALL.into_iter().zip(&rays.kinds).zip(&prepared) {
-            *kinds.of(kind) = speed::measure(kind, rays.len(), prepared, tracers, options.repeats)?;
-        }
-    } else {
-        drop(prepared);
-        let rays = rays::generate_by(before, |rays| seen_by(tracers[0], rays), timed as usize, options.seed)?;
-        for (kind, rays) in RayKind::ALL.into_iter().zip(rays.kinds) {
-            let prepared = tracers[0].prepare(&rays)?;
-            *kinds.of(kind) = speed::measure(kind, rays.len(), &prepared, tracers, options.repeats)?;
-        }
-    }
-    Ok(Seen { device: tracers[0].device(), view: rays.view.clone(), tally, kinds, structures })
 }
 
-/// Rays of which a tracer says that they hit something, or nothing, depending on how it is asked.
-fn contradictions<T: Tracer>(
-    rays: &T::Rays<'_>,
+fn together<T: Tracer>(
+    before: &Scene,
+    rays: &Rays,
     tracers: [&T; 2],
-    hits: &[Vec<Option<Hit>>; 2],
-) -> Result<u64, T::Error> {
-    let mut count = 0;
-    for (tracer, closest) in tracers.into_iter().zip(hits) {
-        let occluded = tracer.occluded(rays)?;
-        count += closest.iter().zip(occluded).filter(|(c, o)| c.is_some() != *o).count() as u64;
+    options: &VerifyOptions,
+    compare: impl Compare,
+) -> Result<Seen, T::Error> {
+    let views = [View::of(tracers[0], rays)?, View::of(tracers[1], rays)?];
+    let timed = timed_rays(before, tracers[0], options)?;
+    let mut kinds = Kinds::default();
+    for (kind, rays) in kinds_of(timed.as_ref().unwrap_or(rays)) {
+        let times = times(kind, rays, tracers, options.repeats)?;
+        *kinds.of(kind) = KindSpeed::in_turns(rays.len(), times);
     }
-    Ok(count)
+    Ok(seen(rays, views, kinds, compare))
+}
+
+/// As [`together`] with one tracer at a time.
+fn one_by_one<T: Tracer>(
+    before: &Scene,
+    rays: &Rays,
+    make: [&dyn Fn() -> Result<T, T::Error>; 2],
+    options: &VerifyOptions,
+    compare: impl Compare,
+) -> Result<Seen, T::Error> {
+    let all_times = |tracer: &T, rays: &Rays| {
+        let one = |(kind, rays)| times(kind, rays, [tracer], options.repeats).map(|[times]| times);
+        kinds_of(rays).map(one).collect::<Result<Vec<_>, _>>()
+    };
+    let tracer = make[0]()?;
+    let view_before = View::of(&tracer, rays)?;
+    let timed = timed_rays(before, &tracer, options)?;
+    let timed = timed.as_ref().unwrap_or(rays);
+    let times_before = all_times(&tracer, timed)?;
+    drop(tracer);
+    let tracer = make[1]()?;
+    let view_after = View::of(&tracer, rays)?;
+    let times_after = all_times(&tracer, timed)?;
+    let mut kinds = Kinds::default();
+    for (((kind, rays), before), after) in kinds_of(timed).zip(times_before).zip(times_after) {
+        *kinds.of(kind) = KindSpeed::one_after_the_other(rays.len(), [before, after]);
+    }
+    Ok(seen(rays, [view_before, view_after], kinds, compare))
+}
+
+/// What one tracer makes of the rays that are compared.
+struct View {
+    device: String,
+    /// First hits by kind of rays.
+    closest: Vec<Vec<Option<Hit>>>,
+    /// Rays of which the tracer says that they hit something, or nothing, depending on how it is asked.
+    contradictions: u64,
+    built: Option<Built>,
+}
+
+impl View {
+    fn of<T: Tracer>(tracer: &T, rays: &Rays) -> Result<View, T::Error> {
+        let (mut closest, mut contradictions) = (Vec::new(), 0);
+        for (kind, rays) in kinds_of(rays) {
+            let prepared = tracer.prepare(rays)?;
+            let hits = tracer.closest(&prepared)?;
+            if kind == RayKind::Shadow {
+                let occluded = tracer.occluded(&prepared)?;
+                contradictions += hits.iter().zip(occluded).filter(|(hit, o)| hit.is_some() != *o).count() as u64;
+            }
+            closest.push(hits);
+        }
+        Ok(View { device: tracer.device(), closest, contradictions, built: tracer.built() })
+    }
+}
+
+fn seen(rays: &Rays, views: [View; 2], kinds: Kinds, compare: impl Compare) -> Seen {
+    let [before, after] = views;
+    let mut tally = Tally::default();
+    for ((kind, rays), (before, after)) in kinds_of(rays).zip(before.closest.iter().zip(&after.closest)) {
+        tally.add(compare(kind, rays, [before, after]));
+    }
+    tally.tracer_faults += before.contradictions + after.contradictions;
+    let structures = before.built.zip(after.built).map(|(before, after)| Structures::of([before, after]));
+    Seen { device: before.device, view: rays.view.clone(), tally, kinds, structures }
+}
+
+fn kinds_of(rays: &Rays) -> impl Iterator<Item = (RayKind, &[Ray])> {
+    RayKind::ALL.into_iter().zip(rays.kinds.iter().map(Vec::as_slice))
+}
+
+/// Times rays of one kind, made ready for as long as that takes.
+fn times<T: Tracer, const N: usize>(
+    kind: RayKind,
+    rays: &[Ray],
+    tracers: [&T; N],
+    repeats: u32,
+) -> Result<[Vec<f64>; N], T::Error> {
+    match tracers.first().filter(|_| !rays.is_empty()) {
+        None => Ok([const { Vec::new() }; N]),
+        Some(first) => speed::times(kind, &first.prepare(rays)?, tracers, repeats),
+    }
+}
+
+/// The rays to be timed, where they are not those that are compared.
+fn timed_rays<T: Tracer>(before: &Scene, tracer: &T, options: &VerifyOptions) -> Result<Option<Rays>, T::Error> {
+    let count = options.timed_rays_per_kind.or(tracer.pace().rays).unwrap_or(options.rays_per_kind);
+    if count == options.rays_per_kind {
+        return Ok(None);
+    }
+    rays::generate_by(before, |rays| seen_by(tracer, rays), count as usize, options.seed).map(Some)
 }
 
 /// What a tracer takes for the truth.

@@ -8,6 +8,7 @@ use super::Error;
 use super::commands::Queue;
 use super::info::{DeviceInfo, NEEDED, QueueFamily, queue_family};
 use super::instance::{Loaded, Vulkan};
+use super::memory::Ledger;
 
 /// Which device to open.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -48,6 +49,7 @@ pub struct Device {
     pub(super) structures: khr::acceleration_structure::Device,
     pub(super) pipelines: khr::ray_tracing_pipeline::Device,
     pub(super) memory: vk::PhysicalDeviceMemoryProperties,
+    pub(super) ledger: Ledger,
     /// Nanoseconds a tick of timestamps.
     pub(super) timestamp_period: f64,
     pub(super) family: QueueFamily,
@@ -83,6 +85,7 @@ impl Device {
             structures: khr::acceleration_structure::Device::new(&loaded.instance, &handle),
             pipelines: khr::ray_tracing_pipeline::Device::new(&loaded.instance, &handle),
             memory,
+            ledger: Ledger::new(loaded.device_memory),
             timestamp_period: f64::from(core.limits.timestamp_period),
             family,
             queue: Mutex::new(queue),
@@ -94,6 +97,12 @@ impl Device {
     /// What it is and can do.
     pub fn info(&self) -> &DeviceInfo {
         &self.info
+    }
+
+    /// Most of its memory that was in use at a time, in bytes.
+    #[cfg(test)]
+    pub(in crate::verify) fn peak_memory(&self) -> u64 {
+        self.ledger.peak()
     }
 
     /// To have things split that would take gigabytes before they are.

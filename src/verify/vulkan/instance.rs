@@ -16,12 +16,19 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 pub struct Options {
     /// Have every call checked by the validation layer, which must be installed.
     pub validation: bool,
+    /// Bytes of a device's memory that may be used at a time; `None` for as many as it gives.
+    pub device_memory: Option<u64>,
 }
 
 impl Options {
-    /// Validation where the environment says `RAYKILN_VULKAN_VALIDATION=1`.
+    /// Validation where the environment says `RAYKILN_VULKAN_VALIDATION=1`, and the device memory of
+    /// `RAYKILN_DEVICE_MEMORY_BYTES` where that is a whole number.
     pub fn from_env() -> Options {
-        Options { validation: std::env::var_os("RAYKILN_VULKAN_VALIDATION").is_some_and(|v| v == "1") }
+        let memory = std::env::var("RAYKILN_DEVICE_MEMORY_BYTES").ok();
+        Options {
+            validation: std::env::var_os("RAYKILN_VULKAN_VALIDATION").is_some_and(|v| v == "1"),
+            device_memory: memory.and_then(|bytes| bytes.parse().ok()),
+        }
     }
 }
 
@@ -40,6 +47,8 @@ impl std::fmt::Debug for Vulkan {
 /// The instance, and the loader's library that it lives in.
 pub(super) struct Loaded {
     pub(super) instance: ash::Instance,
+    /// As [`Options::device_memory`].
+    pub(super) device_memory: Option<u64>,
     validation: Option<Validation>,
     _entry: ash::Entry,
 }
@@ -64,7 +73,8 @@ impl Vulkan {
             require_layer(&entry)?;
         }
         let instance = create(&entry, options)?;
-        let mut loaded = Loaded { instance, validation: None, _entry: entry };
+        let device_memory = options.device_memory;
+        let mut loaded = Loaded { instance, device_memory, validation: None, _entry: entry };
         if options.validation {
             loaded.validation = Some(Validation::new(&loaded)?);
         }

@@ -1,5 +1,7 @@
 //! Buffers.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use ash::vk;
 
 use super::Error;
@@ -46,6 +48,10 @@ impl Purpose {
         }
     }
 
+    fn is_on_host(self) -> bool {
+        matches!(self, Purpose::Upload | Purpose::Download)
+    }
+
     /// Properties that the memory should have; where there is none such, the second.
     fn memory(self) -> [vk::MemoryPropertyFlags; 2] {
         use vk::MemoryPropertyFlags as Memory;
@@ -58,12 +64,48 @@ impl Purpose {
     }
 }
 
+/// Keeps account of the device's memory.
+pub(super) struct Ledger {
+    /// Most that may be in use at a time, in bytes.
+    limit: u64,
+    used: AtomicU64,
+    /// Most that was in use at a time.
+    peak: AtomicU64,
+}
+
+impl Ledger {
+    pub(super) fn new(limit: Option<u64>) -> Ledger {
+        Ledger { limit: limit.unwrap_or(u64::MAX), used: AtomicU64::new(0), peak: AtomicU64::new(0) }
+    }
+
+    /// Enters bytes, unless they are beyond the limit.
+    fn take(&self, bytes: u64) -> Result<(), vk::Result> {
+        let within = |used: u64| used.checked_add(bytes).filter(|sum| *sum <= self.limit);
+        let before = self.used.fetch_update(Ordering::Relaxed, Ordering::Relaxed, within);
+        let before = before.map_err(|_| vk::Result::ERROR_OUT_OF_DEVICE_MEMORY)?;
+        self.peak.fetch_max(before + bytes, Ordering::Relaxed);
+        Ok(())
+    }
+
+    fn give_back(&self, bytes: u64) {
+        self.used.fetch_sub(bytes, Ordering::Relaxed);
+    }
+
+    /// Most that was in use at a time, in bytes.
+    #[cfg(test)]
+    pub(super) fn peak(&self) -> u64 {
+        self.peak.load(Ordering::Relaxed)
+    }
+}
+
 /// A buffer with memory of its own. There are few of them, each of many objects, as devices limit the number of
 /// allocations (often to 4096).
 pub(super) struct Buffer<'d> {
     device: &'d Device,
     pub(super) handle: vk::Buffer,
     memory: vk::DeviceMemory,
+    /// Bytes entered into the device's ledger.
+    entered: u64,
     pub(super) size: u64,
     /// Where shaders and builds find it; 0 for memory of the host.
     pub(super) address: u64,
@@ -86,8 +128,8 @@ impl<'d> Buffer<'d> {
         // SAFETY: the usages need no more than the extensions enabled.
         let handle = unsafe { device.handle.create_buffer(&info, None) }.map_err(failed)?;
         // Freed by `Drop` from here on, whatever fails.
-        let mut buffer =
-            Buffer { device, handle, memory: vk::DeviceMemory::null(), size, address: 0, mapped: std::ptr::null_mut() };
+        let (memory, mapped) = (vk::DeviceMemory::null(), std::ptr::null_mut());
+        let mut buffer = Buffer { device, handle, memory, entered: 0, size, address: 0, mapped };
         buffer.allocate(purpose).map_err(failed)?;
         if purpose.usage().contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS) {
             let info = vk::BufferDeviceAddressInfo::default().buffer(handle);
@@ -110,12 +152,16 @@ impl<'d> Buffer<'d> {
         let mut flags = vk::MemoryAllocateFlagsInfo::default().flags(flags);
         let info =
             vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(kind).push_next(&mut flags);
+        if !purpose.is_on_host() {
+            self.device.ledger.take(needs.size)?;
+            self.entered = needs.size;
+        }
         // SAFETY: size and type are what the buffer asks for, and the memory is bound once; it is mapped only where
         // its type allows, and as a whole.
         unsafe {
             self.memory = vulkan.allocate_memory(&info, None)?;
             vulkan.bind_buffer_memory(self.handle, self.memory, 0)?;
-            if matches!(purpose, Purpose::Upload | Purpose::Download) {
+            if purpose.is_on_host() {
                 let all = vk::MemoryMapFlags::empty();
                 self.mapped = vulkan.map_memory(self.memory, 0, vk::WHOLE_SIZE, all)?.cast();
             }
@@ -151,6 +197,7 @@ impl Drop for Buffer<'_> {
             self.device.handle.destroy_buffer(self.handle, None);
             self.device.handle.free_memory(self.memory, None);
         }
+        self.device.ledger.give_back(self.entered);
     }
 }
 
@@ -222,6 +269,18 @@ mod tests {
         let packing = Packing::new([100, 200, 300, 1], 256, 700);
         assert_eq!(places(&packing), [(0, 0), (0, 256), (1, 0), (1, 512)]);
         assert_eq!(packing.buffers, [456, 513]);
+    }
+
+    #[test]
+    fn the_ledger_refuses_what_exceeds_its_limit_and_remembers_its_peak() {
+        let ledger = Ledger::new(Some(100));
+        assert_eq!(ledger.take(60), Ok(()));
+        assert_eq!(ledger.take(41), Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY));
+        assert_eq!(ledger.take(u64::MAX), Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY));
+        assert_eq!(ledger.take(40), Ok(()));
+        ledger.give_back(60);
+        assert_eq!((ledger.take(50), ledger.peak()), (Ok(()), 100));
+        assert_eq!(Ledger::new(None).take(u64::MAX), Ok(()));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! On a device, with the validation layer listening: without a device, or with a message, the tests fail.
 
 mod brute_force;
+mod budget;
 mod builds;
 mod hits;
 mod memory;
@@ -20,12 +21,12 @@ static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// Runs a test on a device of its own, and has every call checked.
 fn on_device(test: impl FnOnce(&mut Device)) {
-    on_device_with(Options { validation: true }, test);
+    on_device_with(Options { validation: true, ..Options::default() }, test);
 }
 
 /// Runs a test that would keep the validation layer busy for minutes, or that does what the layer is against.
 fn on_unchecked_device(test: impl FnOnce(&mut Device)) {
-    on_device_with(Options { validation: false }, test);
+    on_device_with(Options::default(), test);
 }
 
 fn on_device_with(options: Options, test: impl FnOnce(&mut Device)) {
@@ -50,7 +51,8 @@ fn closest(device: &Device, scene: &Scene, rays: &[Ray], options: BuildOptions) 
 #[test]
 fn the_validation_layer_is_heard() {
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
-    let vulkan = Vulkan::load(Options { validation: true }).expect("tests/install_vulkan.sh was run");
+    let vulkan =
+        Vulkan::load(Options { validation: true, ..Options::default() }).expect("tests/install_vulkan.sh was run");
     let device = vulkan.open(&Wanted::Auto).expect("tests/install_vulkan.sh installs a driver");
     // A pool of no queries is against the rules.
     drop(super::commands::Queries::new(&device, ash::vk::QueryType::TIMESTAMP, 0));
