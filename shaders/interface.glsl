@@ -38,6 +38,34 @@ layout(buffer_reference, std430, buffer_reference_align = 4) writeonly buffer Di
     uint distance[];
 };
 
+layout(buffer_reference, std430, buffer_reference_align = 4) readonly buffer Words {
+    uint word[];
+};
+
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer Texcoords {
+    vec2 texcoord[];
+};
+
+struct AlphaGeometry {
+    // Three vertices a triangle.
+    Words triangles;
+    // By vertex.
+    Texcoords texcoords;
+    // A byte each; null where alpha is 1.
+    Words texels;
+    // Texels by axis.
+    uvec2 size;
+    // Beyond 0 to 1, by axis: 0 repeats, 1 clamps, 2 mirrors.
+    uvec2 wrap;
+    float factor;
+    // Smallest product of texel and factor that counts as a hit.
+    float cutoff;
+};
+
+layout(buffer_reference, std430, buffer_reference_align = 8) readonly buffer AlphaGeometries {
+    AlphaGeometry geometry[];
+};
+
 layout(push_constant, std430) uniform Work {
     // Address of the TLAS.
     uvec2 scene;
@@ -50,4 +78,8 @@ layout(push_constant, std430) uniform Work {
     uint ray_flags;
     // Units of the structures a unit of the rays: a power of two.
     float scale;
+    // Null where nothing is tested.
+    AlphaGeometries alpha;
+    // For each entry the first of its geometries.
+    Words first_geometries;
 } work;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use bytes::Bytes;
 use serde_json::Value;
 
+use crate::alpha::{AlphaTest, Image};
 use crate::{Contents, Error, ReadOptions, Warning};
 
 /// The kind of file a document was read from, or is written as.
@@ -149,6 +150,27 @@ impl Document {
     /// [`Document::contents`].
     pub fn attributes(&self, mesh: usize, primitive: usize) -> Vec<Attribute<'_>> {
         crate::gltf::attributes::attributes(self, mesh, primitive)
+    }
+
+    /// What an alpha-tested material tests. The document must have passed [`Document::contents`].
+    ///
+    /// # Errors
+    /// Names the place at which textures break a rule of glTF 2.0.
+    pub fn alpha_test(&self, material: usize) -> Result<AlphaTest, Error> {
+        crate::gltf::alpha::alpha_test(self, material)
+    }
+
+    /// The texture coordinates `TEXCOORD_set` of a primitive's vertices, as the file has them.
+    ///
+    /// # Errors
+    /// There is no such attribute, or it is none.
+    pub fn texcoords(&self, mesh: usize, primitive: usize, set: usize) -> Result<Vec<[f32; 2]>, Error> {
+        crate::gltf::alpha::texcoords(self, mesh, primitive, set)
+    }
+
+    /// An image of the document. What is wrong with it, [`Image::read`] tells.
+    pub fn image(&self, index: usize) -> Image {
+        crate::gltf::alpha::image(self, index)
     }
 
     /// The unsigned integers of a SCALAR accessor, if there is such an accessor and it is sound.

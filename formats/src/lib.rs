@@ -5,6 +5,7 @@
 //! rest of the program knows one model. [`Contents`] is the checked, typed view of a `Document` from which a scene
 //! is made. This crate knows no GPU, no BVH and no cost.
 
+pub mod alpha;
 pub mod contents;
 pub mod document;
 pub mod error;

@@ -75,7 +75,7 @@ pub fn bake(
         clock.enter(Stage::Write);
         let written = write(&doc, &scene, layout, output, options.prune)?;
         clock.enter(Stage::Verify);
-        let (after, verification) = verify_staged(&scene, written.staged.path(), &machine, &options.verify)?;
+        let (after, verification) = verify_staged(&scene, written.staged.path(), output, &machine, &options.verify)?;
         let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
         Ok((written, after, verification, verdict))
     };
@@ -162,10 +162,14 @@ fn write(
 fn verify_staged(
     before: &Scene,
     staged: &Path,
+    output: &Path,
     machine: &Machine,
     options: &VerifyOptions,
 ) -> Result<(Scene, Verification), BakeError> {
-    let (after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
+    let (mut after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
+    if let (Some(hidden), Some(folder)) = (staged.parent(), output.parent()) {
+        after.also_look_for_images(hidden, folder);
+    }
     let verification = machine.verify(before, &after, options)?;
     Ok((after, verification))
 }

@@ -15,7 +15,8 @@ impl Scene {
     /// Whatever the fields' descriptions promise and is not so.
     pub fn check(&self) -> Result<(), Broken> {
         for (i, mesh) in self.meshes.iter().enumerate() {
-            check_mesh(mesh, self.materials.len()).map_err(|e| Broken(format!("mesh {i} `{}`: {e}", mesh.name)))?;
+            check_mesh(mesh, self.materials.len(), self.images.len())
+                .map_err(|e| Broken(format!("mesh {i} `{}`: {e}", mesh.name)))?;
         }
         for (i, instance) in self.instances.iter().enumerate() {
             let broken = |what: &str| Err(Broken(format!("instance {i} `{}`: {what}", instance.name)));
@@ -30,7 +31,7 @@ impl Scene {
     }
 }
 
-fn check_mesh(mesh: &Mesh, materials: usize) -> Result<(), String> {
+fn check_mesh(mesh: &Mesh, materials: usize, images: usize) -> Result<(), String> {
     if mesh.geometries.is_empty() {
         return Err("has no geometry".into());
     }
@@ -40,7 +41,9 @@ fn check_mesh(mesh: &Mesh, materials: usize) -> Result<(), String> {
             return Err(format!("geometry {i} does not start at triangle {first}"));
         }
         first += geometry.triangles.len();
-        check_geometry(geometry, materials).map_err(|e| format!("geometry {i} {e}"))?;
+        check_geometry(geometry, materials)
+            .and_then(|()| check_alpha(geometry, images))
+            .map_err(|e| format!("geometry {i} {e}"))?;
     }
     Ok(())
 }
@@ -65,6 +68,18 @@ fn check_geometry(geometry: &Geometry, materials: usize) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+fn check_alpha(geometry: &Geometry, images: usize) -> Result<(), String> {
+    let Some(texture) = geometry.alpha.as_ref().and_then(|alpha| alpha.texture.as_ref()) else { return Ok(()) };
+    if texture.image as usize >= images {
+        return Err("has an image that is not there".into());
+    }
+    match texture.texcoords.len() {
+        0 => Ok(()),
+        n if n == geometry.positions.len() => Ok(()),
+        n => Err(format!("has {n} texture coordinates for {} vertices", geometry.positions.len())),
+    }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use globset::{Glob, GlobSet, GlobSetBuilder};
 use raykiln_formats::contents::{self, Contents};
 use raykiln_formats::{Document, Error, ReadOptions, Warning};
 
+use super::alpha;
 use super::{Geometry, Instance, Mesh, MeshId, Pinned, PlacedCamera, Scene};
 
 /// How to read a scene.
@@ -34,9 +35,11 @@ pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning
         cameras: cameras(&contents, &shown),
         nodes: contents.nodes.len(),
         materials: contents.materials,
+        images: Vec::new(),
         meshes,
     };
     pin_whole_nodes(&mut scene.instances);
+    alpha::attach(doc, &mut scene);
     if scene.instances.is_empty() {
         return Err(Error::whole(&doc.path, "the default scene holds no triangles"));
     }
@@ -144,6 +147,7 @@ fn load_mesh(
             primitive: primitive as u32,
             material: p.material.map(|m| m as u32),
             opacity: p.material.map(|m| materials[m].opacity).unwrap_or_default(),
+            alpha: None,
             merge_class: *classes.entry(std::mem::take(&mut p.merge_key)).or_insert(next_class),
             first_triangle,
             positions: bytemuck::allocation::cast_vec::<[f32; 3], Vec3>(triangles.positions),

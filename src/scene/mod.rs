@@ -1,9 +1,11 @@
 //! [`Scene`]: what a ray tracer sees of a document.
 
+mod alpha;
 pub mod bounds;
 mod check;
 mod load;
 
+pub use alpha::{AlphaTest, AlphaTexture, Image, Wrap};
 pub use bounds::Bounds;
 pub use check::Broken;
 pub use load::{LoadOptions, load};
@@ -28,6 +30,8 @@ pub struct Scene {
     pub instances: Vec<Instance>,
     /// The document's materials.
     pub materials: Vec<Material>,
+    /// Images of alpha-tested materials.
+    pub images: Vec<Image>,
     /// The document's cameras where a node of the default scene places one, in that order.
     pub cameras: Vec<PlacedCamera>,
     /// Number of nodes in the document.
@@ -57,6 +61,8 @@ pub struct Geometry {
     pub material: Option<u32>,
     /// How rays pass through the material.
     pub opacity: Opacity,
+    /// What is tested where the material is alpha-tested.
+    pub alpha: Option<AlphaTest>,
     /// Geometries with equal material and equal `merge_class` may be joined into one.
     pub merge_class: u32,
     /// Index of its first triangle when the triangles of the mesh are counted through.

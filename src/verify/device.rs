@@ -109,6 +109,7 @@ impl Machine {
             }
             Some(Err(e)) => return Err(DeviceError(e.to_string())),
         };
+        let notes = [notes, found.notes].concat();
         Ok(Verification { notes, ..found })
     }
 }

@@ -48,6 +48,11 @@ pub trait Tracer {
     /// As above.
     fn seconds(&self, kind: RayKind, rays: &Self::Rays<'_>) -> Result<f64, Self::Error>;
 
+    /// What it does otherwise than asked, in words.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// What was built for it and what its rays met so far; `None` where that tells nothing of a device.
     fn built(&self) -> Option<Built> {
         None
@@ -70,6 +75,7 @@ pub(super) struct Seen {
     pub(super) tally: Tally,
     pub(super) kinds: Kinds,
     pub(super) structures: Option<Structures>,
+    pub(super) notes: Vec<String>,
 }
 
 /// The tracers of the input and of the output.
@@ -158,6 +164,7 @@ struct View {
     /// Rays of which the tracer says that they hit something, or nothing, depending on how it is asked.
     contradictions: u64,
     built: Option<Built>,
+    notes: Vec<String>,
 }
 
 impl View {
@@ -172,7 +179,7 @@ impl View {
             }
             closest.push(hits);
         }
-        Ok(View { device: tracer.device(), closest, contradictions, built: tracer.built() })
+        Ok(View { device: tracer.device(), closest, contradictions, built: tracer.built(), notes: tracer.notes() })
     }
 }
 
@@ -183,8 +190,11 @@ fn seen(rays: &Rays, views: [View; 2], kinds: Kinds, compare: impl Compare) -> S
         tally.add(compare(kind, rays, [before, after]));
     }
     tally.tracer_faults += before.contradictions + after.contradictions;
+    let notes = [("input", before.notes), ("output", after.notes)];
+    let notes = notes.into_iter().flat_map(|(of, notes)| notes.into_iter().map(move |note| format!("{of}: {note}")));
+    let notes = notes.collect();
     let structures = before.built.zip(after.built).map(|(before, after)| Structures::of([before, after]));
-    Seen { device: before.device, view: rays.view.clone(), tally, kinds, structures }
+    Seen { device: before.device, view: rays.view.clone(), tally, kinds, structures, notes }
 }
 
 fn kinds_of(rays: &Rays) -> impl Iterator<Item = (RayKind, &[Ray])> {

@@ -116,7 +116,7 @@ pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOp
         structures: seen.structures,
         structure,
         failures,
-        notes: Vec::new(),
+        notes: seen.notes,
     }
 }
 

@@ -1,6 +1,7 @@
 //! glTF 2.0 and GLB.
 
 mod accessor;
+pub(crate) mod alpha;
 mod animation;
 pub(crate) mod attributes;
 mod binary;

@@ -139,7 +139,7 @@ fn load_uri(at: &At<'_>, path: &Path, files: &mut BTreeMap<PathBuf, Bytes>) -> R
 }
 
 /// Reads a file that a scene names; pipes and devices, which may never end, are refused.
-pub(super) fn read_regular(file: &Path) -> std::io::Result<Bytes> {
+pub(crate) fn read_regular(file: &Path) -> std::io::Result<Bytes> {
     if !fs::metadata(file)?.is_file() {
         return Err(std::io::Error::other("not a regular file"));
     }

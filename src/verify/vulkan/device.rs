@@ -105,6 +105,12 @@ impl Device {
         self.ledger.peak()
     }
 
+    /// Bytes of its memory that are in use.
+    #[cfg(test)]
+    pub(super) fn used_memory(&self) -> u64 {
+        self.ledger.used()
+    }
+
     /// To have things split that would take gigabytes before they are.
     #[cfg(test)]
     pub(super) fn limits_mut(&mut self) -> &mut super::info::Limits {

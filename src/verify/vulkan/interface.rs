@@ -38,6 +38,34 @@ pub(super) struct Work {
     pub(super) scale: f32,
     /// Nothing may be left undefined.
     pub(super) padding: u32,
+    pub(super) alpha: u64,
+    pub(super) first_geometries: u64,
+}
+
+/// How hits of a geometry are tested.
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct AlphaGeometry {
+    pub(super) triangles: u64,
+    pub(super) texcoords: u64,
+    pub(super) texels: u64,
+    pub(super) size: [u32; 2],
+    pub(super) wrap: [u32; 2],
+    pub(super) factor: f32,
+    pub(super) cutoff: f32,
+}
+
+impl AlphaGeometry {
+    /// Every hit counts.
+    pub(super) const ACCEPT: AlphaGeometry = AlphaGeometry {
+        triangles: 0,
+        texcoords: 0,
+        texels: 0,
+        size: [1; 2],
+        wrap: [0; 2],
+        factor: 1.0,
+        cutoff: f32::NEG_INFINITY,
+    };
 }
 
 impl From<&rays::Ray> for Ray {

@@ -91,6 +91,12 @@ impl Ledger {
         self.used.fetch_sub(bytes, Ordering::Relaxed);
     }
 
+    /// What is in use, in bytes.
+    #[cfg(test)]
+    pub(super) fn used(&self) -> u64 {
+        self.used.load(Ordering::Relaxed)
+    }
+
     /// Most that was in use at a time, in bytes.
     #[cfg(test)]
     pub(super) fn peak(&self) -> u64 {

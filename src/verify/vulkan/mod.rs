@@ -7,11 +7,12 @@
 //! Nothing here needs more of a device than the extensions `VK_KHR_acceleration_structure` and
 //! `VK_KHR_ray_tracing_pipeline` and buffer addresses. All unsafe code of the program is in this folder. Files, in
 //! the order in which they build on each other: `error`, `instance`, `info`, `device`, `commands`, `memory`,
-//! `transfer`, `accel`, `interface`, `pipeline`, `trace`, `tracer`.
+//! `transfer`, `accel`, `interface`, `alpha`, `pipeline`, `trace`, `tracer`.
 
 #![allow(unsafe_code)]
 
 mod accel;
+mod alpha;
 mod commands;
 mod device;
 mod error;

@@ -50,7 +50,9 @@ struct Table<'d> {
     regions: [vk::StridedDeviceAddressRegionKHR; 3],
 }
 
-const WORK_STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::RAYGEN_KHR;
+const WORK_STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
+    vk::ShaderStageFlags::RAYGEN_KHR.as_raw() | vk::ShaderStageFlags::ANY_HIT_KHR.as_raw(),
+);
 
 impl<'d> Pipeline<'d> {
     pub(super) fn new(device: &'d Device, shaders: &Shaders) -> Result<Pipeline<'d>, Error> {

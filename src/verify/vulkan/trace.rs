@@ -6,6 +6,7 @@ use ash::vk;
 
 use super::Error;
 use super::accel::{Blases, BuildOptions, BuildReport, Plan, Tlas};
+use super::alpha::{AlphaTests, Textures};
 use super::commands::Timer;
 use super::device::Device;
 use super::interface;
@@ -69,11 +70,12 @@ fn upload<'d>(device: &'d Device, rays: &[Ray]) -> Result<Part<'d>, Error> {
     Ok(Part { rays: buffer, count: rays.len() as u64 })
 }
 
-/// The pipelines that trace, made once for all tracers of a device.
+/// The pipelines that trace, and the textures they look at, made once for all tracers of a device.
 pub struct Pipelines<'d> {
     device: &'d Device,
     hits: Pipeline<'d>,
     timing: Pipeline<'d>,
+    textures: Textures<'d>,
     timer: Timer<'d>,
 }
 
@@ -87,6 +89,7 @@ impl<'d> Pipelines<'d> {
             device,
             hits: Pipeline::new(device, &HITS)?,
             timing: Pipeline::new(device, &TIMING)?,
+            textures: Textures::new(device),
             timer: Timer::new(device)?,
         })
     }
@@ -108,27 +111,29 @@ pub struct Traced {
 }
 
 /// The acceleration structures of a scene on a device, ready for rays.
-pub struct VulkanTracer<'d> {
-    pipelines: &'d Pipelines<'d>,
+pub struct VulkanTracer<'p, 'd> {
+    pipelines: &'p Pipelines<'d>,
     tlas: Tlas<'d>,
     /// The TLAS refers to them.
     _blases: Blases<'d>,
+    alpha: AlphaTests<'d>,
     identity: Identity,
     report: BuildReport,
     /// Invocations of the any-hit shader on behalf of a verification.
     pub(super) any_hits: Cell<u64>,
 }
 
-impl<'d> VulkanTracer<'d> {
+impl<'p, 'd> VulkanTracer<'p, 'd> {
     /// Builds the structures of a scene that passed [`Scene::check`]. The scene is not needed afterwards.
     ///
     /// # Errors
     /// [`Error::Limit`] before anything is built, [`Error::OutOfMemory`], or another failure of the driver.
-    pub fn new(pipelines: &'d Pipelines<'d>, scene: &Scene, options: BuildOptions) -> Result<VulkanTracer<'d>, Error> {
+    pub fn new(pipelines: &'p Pipelines<'d>, scene: &Scene, options: BuildOptions) -> Result<Self, Error> {
         let device = pipelines.device;
         let plan = Plan::new(scene, options.blas_per, &device.info().limits)?;
         let blases = Blases::build(device, scene, &plan, &options)?;
         let tlas = Tlas::build(device, scene, &plan, &blases, &options)?;
+        let alpha = AlphaTests::new(device, &pipelines.textures, scene, &plan)?;
         let report = BuildReport {
             blases: blases.len() as u64,
             tlas_instances: plan.entries.len() as u64,
@@ -140,7 +145,7 @@ impl<'d> VulkanTracer<'d> {
             tlas_bytes: tlas.bytes,
         };
         let identity = Identity::new(scene, &plan);
-        Ok(VulkanTracer { pipelines, tlas, _blases: blases, identity, report, any_hits: Cell::new(0) })
+        Ok(VulkanTracer { pipelines, tlas, _blases: blases, alpha, identity, report, any_hits: Cell::new(0) })
     }
 
     /// What was built.
@@ -168,16 +173,37 @@ impl<'d> VulkanTracer<'d> {
         Ok(traced)
     }
 
-    /// Milliseconds the device takes to trace all rays once.
+    /// Textures of alpha-tested materials that are taken for opaque, and why; in words.
+    pub fn notes(&self) -> &[String] {
+        &self.alpha.notes
+    }
+
+    /// Milliseconds the device takes to trace all rays once. Other than [`VulkanTracer::trace`], this lets rays
+    /// through where the textures of alpha-tested materials do.
     ///
     /// # Errors
     /// As [`VulkanTracer::trace`].
     pub fn time(&self, rays: &RayBuffer<'_>, any_hit: bool) -> Result<f64, Error> {
         let results = self.results(rays, size_of::<u32>() as u64)?;
+        self.time_into(&results, rays, any_hit)
+    }
+
+    /// As [`VulkanTracer::time`]; also whether each of the rays, all of one part, hit anything.
+    #[cfg(test)]
+    pub(super) fn timed_hits(&self, rays: &RayBuffer<'_>, any_hit: bool) -> Result<Vec<bool>, Error> {
+        let results = self.results(rays, size_of::<u32>() as u64)?;
+        self.time_into(&results, rays, any_hit)?;
+        let mut hits = Vec::new();
+        // The sign of the distance is that of the word: hits of the any-hit shader are too few to reach it.
+        download(self.device(), &results, rays.len(), |word: &u32| hits.push(word >> 31 == 0))?;
+        Ok(hits)
+    }
+
+    fn time_into(&self, results: &Buffer<'d>, rays: &RayBuffer<'_>, any_hit: bool) -> Result<f64, Error> {
         self.device().submit(&format!("timing {} rays", rays.len()), |commands| {
             self.pipelines.timer.measure(commands, || {
                 for part in &rays.parts {
-                    self.record(commands, &self.pipelines.timing, part, &results, any_hit);
+                    self.record(commands, &self.pipelines.timing, part, results, any_hit);
                 }
             });
         })?;
@@ -213,6 +239,8 @@ impl<'d> VulkanTracer<'d> {
             ray_flags: flags,
             scale: self.identity.scale as f32,
             padding: 0,
+            alpha: self.alpha.geometries,
+            first_geometries: self.alpha.first_geometries,
         };
         pipeline.trace(commands, work, part.count, self.device().info().limits.rays_per_launch);
     }

@@ -9,7 +9,7 @@ use crate::verify::{Hit, Pace, Tracer};
 /// Rays of a kind that keep a GPU busy: four a pixel of a picture of 1280 x 720.
 const BUSY: u32 = 4 * 1280 * 720;
 
-impl<'d> Tracer for VulkanTracer<'d> {
+impl<'d> Tracer for VulkanTracer<'_, 'd> {
     type Rays<'r> = RayBuffer<'d>;
     type Error = Error;
 
@@ -40,6 +40,10 @@ impl<'d> Tracer for VulkanTracer<'d> {
 
     fn seconds(&self, kind: RayKind, rays: &RayBuffer<'d>) -> Result<f64, Error> {
         Ok(self.time(rays, kind == RayKind::Shadow)? * 1e-3)
+    }
+
+    fn notes(&self) -> Vec<String> {
+        VulkanTracer::notes(self).to_vec()
     }
 
     fn built(&self) -> Option<Built> {

@@ -6,7 +6,7 @@ use glam::DAffine3;
 
 use super::BlasPer;
 use super::scale::Scales;
-use crate::scene::{Mesh, Scene};
+use crate::scene::{Geometry, Mesh, Scene};
 use crate::verify::vulkan::Error;
 use crate::verify::vulkan::info::Limits;
 
@@ -43,7 +43,7 @@ pub(in crate::verify::vulkan) struct Plan {
 
 impl Group {
     /// The geometries themselves.
-    pub(super) fn geometries<'a>(&self, scene: &'a Scene) -> &'a [crate::scene::Geometry] {
+    pub(super) fn geometries<'a>(&self, scene: &'a Scene) -> &'a [Geometry] {
         &scene.meshes[self.mesh].geometries[self.geometries.clone()]
     }
 
@@ -100,6 +100,17 @@ impl Plan {
         Ok(())
     }
 
+    /// The geometries of all groups, one after another.
+    pub(in crate::verify::vulkan) fn geometries<'s>(&self, scene: &'s Scene) -> impl Iterator<Item = &'s Geometry> {
+        self.groups.iter().flat_map(|group| group.geometries(scene))
+    }
+
+    /// For each entry the place of its first geometry among [`Plan::geometries`].
+    pub(in crate::verify::vulkan) fn first_geometries(&self, scene: &Scene) -> Vec<u32> {
+        let (_, starts) = self.first_triangles(scene);
+        self.entries.iter().map(|entry| starts[entry.group as usize]).collect()
+    }
+
     /// For each geometry of each group the number of its first triangle in its mesh, and for each group where its
     /// geometries start in that list.
     pub(in crate::verify::vulkan) fn first_triangles(&self, scene: &Scene) -> (Vec<u32>, Vec<u32>) {
@@ -138,7 +149,7 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::scene::{Geometry, Instance, MeshId};
+    use crate::scene::{Instance, MeshId};
 
     const PLENTY: Limits = Limits {
         instances: 100,

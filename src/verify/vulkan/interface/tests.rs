@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::{Hit, Ray, Work};
+use super::{AlphaGeometry, Hit, Ray, Work};
 
 /// The compiler that made the committed files, as `glslangValidator --version` calls it.
 const COMPILER: &str = "Glslang Version: 11:12.0.0";
@@ -98,9 +98,24 @@ fn offsets_agree_with_the_shaders() {
                 ("first", offset_of!(Work, first)),
                 ("ray_flags", offset_of!(Work, ray_flags)),
                 ("scale", offset_of!(Work, scale)),
+                ("alpha", offset_of!(Work, alpha)),
+                ("first_geometries", offset_of!(Work, first_geometries)),
             ],
         );
     }
+    assert_members(
+        "timing.rahit.spv",
+        "AlphaGeometry",
+        &[
+            ("triangles", offset_of!(AlphaGeometry, triangles)),
+            ("texcoords", offset_of!(AlphaGeometry, texcoords)),
+            ("texels", offset_of!(AlphaGeometry, texels)),
+            ("size", offset_of!(AlphaGeometry, size)),
+            ("wrap", offset_of!(AlphaGeometry, wrap)),
+            ("factor", offset_of!(AlphaGeometry, factor)),
+            ("cutoff", offset_of!(AlphaGeometry, cutoff)),
+        ],
+    );
     assert_members(
         "hits.rgen.spv",
         "Hit",
@@ -137,8 +152,10 @@ fn strides(module: &str) -> Vec<usize> {
 
 #[test]
 fn arrays_have_the_hosts_strides() {
-    assert_eq!(strides("hits.rgen.spv"), [size_of::<Hit>(), size_of::<Ray>()]);
-    assert_eq!(strides("timing.rgen.spv"), [size_of::<u32>(), size_of::<Ray>()]);
+    let words = size_of::<u32>();
+    let alpha = [size_of::<[f32; 2]>(), size_of::<Ray>(), size_of::<AlphaGeometry>()];
+    assert_eq!(strides("hits.rgen.spv"), [words, alpha[0], size_of::<Hit>(), alpha[1], alpha[2]]);
+    assert_eq!(strides("timing.rgen.spv"), [words, words, alpha[0], alpha[1], alpha[2]]);
 }
 
 /// Another version of the compiler may write other words for the same source: then only the interface is compared.

@@ -1,5 +1,6 @@
 //! On a device, with the validation layer listening: without a device, or with a message, the tests fail.
 
+mod alpha;
 mod brute_force;
 mod budget;
 mod builds;

@@ -1,0 +1,119 @@
+//! What the any-hit shader of the timed rays looks at: for each geometry of an alpha-tested material its texture, its
+//! texture coordinates and its cutoff.
+
+mod image;
+mod textures;
+
+use super::Error;
+use super::accel::Plan;
+use super::device::Device;
+use super::interface::AlphaGeometry;
+use super::memory::{Buffer, Packing, Purpose};
+use super::transfer::Uploader;
+use crate::scene::{AlphaTest, AlphaTexture, Geometry, Scene, Wrap};
+
+pub(super) use textures::Textures;
+use textures::{Found, Texture};
+
+/// Triangles and texture coordinates start at multiples of so many bytes.
+const ALIGNMENT: u64 = 16;
+/// Images that a note names.
+const NAMED: usize = 3;
+
+/// The alpha tests of a scene on a device.
+#[derive(Default)]
+pub(super) struct AlphaTests<'d> {
+    _buffers: Vec<Buffer<'d>>,
+    /// Where the list of geometries is; 0 where nothing is tested.
+    pub(super) geometries: u64,
+    /// Where the list is that has for each TLAS entry its first geometry.
+    pub(super) first_geometries: u64,
+    /// Images that could not be had.
+    pub(super) notes: Vec<String>,
+}
+
+impl<'d> AlphaTests<'d> {
+    /// Uploads the alpha tests of a scene.
+    pub(super) fn new(
+        device: &'d Device,
+        textures: &Textures<'d>,
+        scene: &Scene,
+        plan: &Plan,
+    ) -> Result<AlphaTests<'d>, Error> {
+        let geometries: Vec<&Geometry> = plan.geometries(scene).collect();
+        if geometries.iter().all(|g| g.alpha.is_none()) {
+            return Ok(AlphaTests::default());
+        }
+        let found = textures.of(&scene.images)?;
+        let mut arrays = Vec::new();
+        let mut tests: Vec<AlphaGeometry> = geometries.iter().map(|g| test(g, &found, &mut arrays)).collect();
+        let firsts = plan.first_geometries(scene);
+        let (mut buffers, addresses) = upload(device, "triangles of alpha-tested materials", &arrays)?;
+        for test in &mut tests {
+            let at = |place: u64| if place == 0 { 0 } else { addresses[place as usize - 1] };
+            (test.triangles, test.texcoords) = (at(test.triangles), at(test.texcoords));
+        }
+        let lists: [&[u8]; 2] = [bytemuck::cast_slice(&tests), bytemuck::cast_slice(&firsts)];
+        let (more, addresses) = upload(device, "alpha tests", &lists)?;
+        buffers.extend(more);
+        let notes = notes(scene, &found);
+        Ok(AlphaTests { _buffers: buffers, geometries: addresses[0], first_geometries: addresses[1], notes })
+    }
+}
+
+/// The test of a geometry; arrays it needs are added to `arrays`, and stand in it as their number from 1 on.
+fn test<'s>(geometry: &'s Geometry, found: &[Found], arrays: &mut Vec<&'s [u8]>) -> AlphaGeometry {
+    let Some(AlphaTest { cutoff, factor, texture }) = &geometry.alpha else { return AlphaGeometry::ACCEPT };
+    let Some(AlphaTexture { image, wrap, texcoords }) = texture else {
+        return AlphaGeometry { factor: *factor, cutoff: *cutoff, ..AlphaGeometry::ACCEPT };
+    };
+    let Ok(Texture { address, size }) = &found[*image as usize] else { return AlphaGeometry::ACCEPT };
+    arrays.push(bytemuck::cast_slice(&geometry.triangles));
+    arrays.push(bytemuck::cast_slice(texcoords));
+    AlphaGeometry {
+        triangles: arrays.len() as u64 - 1,
+        texcoords: arrays.len() as u64,
+        texels: *address,
+        size: *size,
+        wrap: wrap.map(mode),
+        factor: *factor,
+        cutoff: *cutoff,
+    }
+}
+
+fn mode(wrap: Wrap) -> u32 {
+    match wrap {
+        Wrap::Repeat => 0,
+        Wrap::Clamp => 1,
+        Wrap::Mirror => 2,
+    }
+}
+
+/// Uploads arrays one after another; the address of each.
+fn upload<'d>(device: &'d Device, what: &str, arrays: &[&[u8]]) -> Result<(Vec<Buffer<'d>>, Vec<u64>), Error> {
+    let sizes = arrays.iter().map(|a| a.len() as u64);
+    let packing = Packing::new(sizes, ALIGNMENT, device.info().limits.max_allocation);
+    let buffers = packing.allocate(device, what, Purpose::ShaderData)?;
+    let mut uploader = Uploader::new(device, packing.buffers.iter().sum())?;
+    for (array, place) in arrays.iter().zip(&packing.places) {
+        uploader.write(&buffers[place.buffer], place.offset, array)?;
+    }
+    uploader.flush()?;
+    drop(uploader);
+    let addresses = packing.places.iter().map(|p| buffers[p.buffer].address + p.offset).collect();
+    Ok((buffers, addresses))
+}
+
+/// One note on all images that could not be had.
+fn notes(scene: &Scene, found: &[Found]) -> Vec<String> {
+    let missing: Vec<String> = (scene.images.iter().zip(found))
+        .filter_map(|(image, found)| Some(format!("{}: {}", image.name, found.as_ref().err()?)))
+        .collect();
+    let more = match missing.len() {
+        0 => return Vec::new(),
+        n if n > NAMED => format!("; and {} more", n - NAMED),
+        _ => String::new(),
+    };
+    let named = missing[..missing.len().min(NAMED)].join("; ");
+    vec![format!("timed rays take these textures of alpha-tested materials for opaque: {named}{more}")]
+}

@@ -1,0 +1,96 @@
+//! The alpha of images on a device, each there once for all tracers.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+
+use raykiln_formats::alpha::Bytes;
+use rayon::prelude::*;
+
+use super::image::Alpha;
+use crate::scene::Image;
+use crate::verify::vulkan::Error;
+use crate::verify::vulkan::device::Device;
+use crate::verify::vulkan::memory::{Buffer, Packing, Purpose};
+use crate::verify::vulkan::transfer::Uploader;
+
+/// Textures start at multiples of so many bytes.
+const ALIGNMENT: u64 = 16;
+
+/// An image's alpha on the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Texture {
+    /// One byte a texel, rows from the top.
+    pub(super) address: u64,
+    pub(super) size: [u32; 2],
+}
+
+/// A texture, or why there is none.
+pub(super) type Found = Result<Texture, String>;
+
+/// All textures, by their encoded bytes.
+pub(in crate::verify::vulkan) struct Textures<'d> {
+    device: &'d Device,
+    known: RefCell<Known<'d>>,
+}
+
+#[derive(Default)]
+struct Known<'d> {
+    found: HashMap<Bytes, Found>,
+    buffers: Vec<Buffer<'d>>,
+}
+
+impl<'d> Textures<'d> {
+    pub(in crate::verify::vulkan) fn new(device: &'d Device) -> Textures<'d> {
+        Textures { device, known: RefCell::default() }
+    }
+
+    /// The textures of images; those not known yet are decoded, few at a time.
+    pub(super) fn of(&self, images: &[Image]) -> Result<Vec<Found>, Error> {
+        let mut all = Vec::with_capacity(images.len());
+        for images in images.chunks(rayon::current_num_threads()) {
+            let encoded: Vec<Result<Bytes, String>> = images.par_iter().map(Image::read).collect();
+            self.learn(&encoded)?;
+            let known = &self.known.borrow().found;
+            all.extend(encoded.into_iter().map(|bytes| bytes.and_then(|bytes| known[&bytes].clone())));
+        }
+        Ok(all)
+    }
+
+    fn learn(&self, encoded: &[Result<Bytes, String>]) -> Result<(), Error> {
+        let mut known = self.known.borrow_mut();
+        let mut new: Vec<&Bytes> = encoded.iter().flatten().filter(|bytes| !known.found.contains_key(*bytes)).collect();
+        new.sort_unstable();
+        new.dedup();
+        let decoded: Vec<Result<Alpha, String>> = new.par_iter().map(|bytes| Alpha::decode(bytes)).collect();
+        let (addresses, buffers) = upload(self.device, &decoded)?;
+        known.buffers.extend(buffers);
+        let mut addresses = addresses.into_iter();
+        for (bytes, alpha) in new.into_iter().zip(decoded) {
+            let found = alpha.map(|a| Texture { address: addresses.next().unwrap_or_default(), size: a.size });
+            known.found.insert(bytes.clone(), found);
+        }
+        Ok(())
+    }
+}
+
+/// Uploads what could be decoded; the address of each.
+fn upload<'d>(device: &'d Device, decoded: &[Result<Alpha, String>]) -> Result<(Vec<u64>, Vec<Buffer<'d>>), Error> {
+    let sound: Vec<&Alpha> = decoded.iter().flatten().collect();
+    let packing = Packing::new(sound.iter().map(|a| padded(a)), ALIGNMENT, device.info().limits.max_allocation);
+    let what = format!("the alpha of {} images", sound.len());
+    let buffers = packing.allocate(device, &what, Purpose::ShaderData)?;
+    if !sound.is_empty() {
+        let mut uploader = Uploader::new(device, packing.buffers.iter().sum())?;
+        for (alpha, place) in sound.iter().zip(&packing.places) {
+            uploader.write(&buffers[place.buffer], place.offset, &alpha.texels)?;
+        }
+        uploader.flush()?;
+    }
+    let addresses = packing.places.iter().map(|p| buffers[p.buffer].address + p.offset).collect();
+    Ok((addresses, buffers))
+}
+
+/// Shaders read whole words.
+fn padded(alpha: &Alpha) -> u64 {
+    (alpha.texels.len() as u64).next_multiple_of(4)
+}
