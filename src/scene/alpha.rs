@@ -106,3 +106,105 @@ fn transformed(uv: [f32; 2], transform: &glam::DAffine2) -> [f32; 2] {
     let uv = transform.transform_point2(DVec2::from_array(uv.map(f64::from)));
     uv.to_array().map(|x| if (x as f32).is_finite() { x as f32 } else { 0.0 })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use serde_json::{Value, json};
+
+    use super::super::{LoadOptions, load};
+    use super::*;
+
+    /// The textured sample, its one material changed.
+    fn sample(change: impl FnOnce(&mut Value)) -> (Document, Scene) {
+        let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("samples/textured/scene.gltf");
+        let mut doc = raykiln_formats::read(&file).expect("the sample is read");
+        change(&mut doc.json);
+        let (scene, _) = load(&doc, &LoadOptions::default()).expect("the sample is sound");
+        assert_eq!(scene.check(), Ok(()));
+        (doc, scene)
+    }
+
+    fn mask(json: &mut Value) {
+        json["materials"][0]["alphaMode"] = "MASK".into();
+    }
+
+    fn texture(scene: &Scene) -> &AlphaTexture {
+        let alpha = scene.meshes[0].geometries[0].alpha.as_ref().expect("it is alpha-tested");
+        alpha.texture.as_ref().expect("it is textured")
+    }
+
+    #[test]
+    fn only_alpha_tested_geometries_carry_a_test() {
+        for mode in ["OPAQUE", "BLEND"] {
+            let (_, scene) = sample(|json| json["materials"][0]["alphaMode"] = mode.into());
+            assert!(scene.images.is_empty());
+            assert!(scene.meshes.iter().flat_map(|m| &m.geometries).all(|g| g.alpha.is_none()), "{mode}");
+        }
+        let (doc, scene) = sample(mask);
+        assert_eq!(scene.images.len(), 1, "one image for all geometries");
+        let alpha = scene.meshes[0].geometries[0].alpha.as_ref().expect("it is alpha-tested");
+        assert_eq!((alpha.cutoff, alpha.factor), (0.5, 1.0));
+        assert_eq!(Ok(&texture(&scene).texcoords), doc.texcoords(0, 0, 0).as_ref().map_err(|_| ()));
+        let bytes = scene.images[0].read().expect("the file is there");
+        assert!(bytes.starts_with(b"\x89PNG") && scene.images[0].name == "images[0] `brick wall.png`");
+    }
+
+    #[test]
+    fn coordinates_are_transformed_and_finite() {
+        let (plain, _) = sample(mask);
+        let (_, scene) = sample(|json| {
+            mask(json);
+            json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = json!({
+                "KHR_texture_transform": {"offset": [0.25, -0.5], "scale": [2, 3], "rotation": std::f64::consts::FRAC_PI_2}
+            });
+        });
+        let plain = plain.texcoords(0, 0, 0).expect("it has some");
+        for (uv, [u, v]) in texture(&scene).texcoords.iter().zip(plain) {
+            // A quarter turn counter-clockwise with v pointing down takes (u, v) to (v, -u).
+            let expected = [3.0 * v + 0.25, -2.0 * u - 0.5];
+            assert!((uv[0] - expected[0]).abs() < 1e-6 && (uv[1] - expected[1]).abs() < 1e-6, "{uv:?} {expected:?}");
+        }
+        let identity = glam::DAffine2::IDENTITY;
+        assert_eq!(transformed([f32::NAN, f32::INFINITY], &identity), [0.0, 0.0]);
+        assert_eq!(transformed([1e30, -1e-30], &identity), [1e30, -1e-30]);
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_texture_is_told_when_it_is_read() {
+        let reason = |change: &dyn Fn(&mut Value)| {
+            let (_, scene) = sample(|json| {
+                mask(json);
+                change(json);
+            });
+            texture(&scene);
+            scene.images[0].read().expect_err("it is broken")
+        };
+        let uri = reason(&|json| json["images"][0]["uri"] = "lost.png".into());
+        assert!(uri.contains("lost.png cannot be read"), "{uri}");
+        let scheme = reason(&|json| json["images"][0]["uri"] = "https://example.com/a.png".into());
+        assert!(scheme.contains("scheme https"), "{scheme}");
+        let texture = reason(&|json| json["textures"] = json!([]));
+        assert!(texture.contains("textures[0] does not exist"), "{texture}");
+        let info = json!({"index": 0, "texCoord": 7});
+        let set = reason(&|json| json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = info.clone());
+        assert!(set.contains("TEXCOORD_7"), "{set}");
+        let sampler = reason(&|json| json["samplers"][0]["wrapT"] = 7.into());
+        assert!(sampler.contains("no wrapping mode 7"), "{sampler}");
+    }
+
+    #[test]
+    fn images_beside_the_final_place_are_found() {
+        let (from, to) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+        let mut doc = sample(mask).0;
+        doc.path = from.path().join("scene.gltf");
+        let (mut scene, _) = load(&doc, &LoadOptions::default()).expect("the sample is sound");
+        std::fs::write(to.path().join("brick wall.png"), "there").expect("writable");
+        assert!(scene.images[0].read().is_err());
+        scene.also_look_for_images(from.path(), to.path());
+        assert_eq!(scene.images[0].read().as_deref(), Ok(&b"there"[..]));
+        std::fs::write(from.path().join("brick wall.png"), "here").expect("writable");
+        assert_eq!(scene.images[0].read().as_deref(), Ok(&b"here"[..]));
+    }
+}

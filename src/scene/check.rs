@@ -9,7 +9,7 @@ pub struct Broken(pub String);
 
 impl Scene {
     /// Names the first broken invariant: indices in range, no empty mesh or geometry, triangles counted through
-    /// each mesh, referenced positions and transforms finite.
+    /// each mesh, referenced positions and transforms finite, an image and a coordinate a vertex for each alpha test.
     ///
     /// # Errors
     /// Whatever the fields' descriptions promise and is not so.
@@ -84,7 +84,7 @@ fn check_alpha(geometry: &Geometry, images: usize) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Instance, MeshId};
+    use super::super::{AlphaTest, AlphaTexture, Image, Instance, MeshId};
     use super::*;
     use glam::{DAffine3, DVec3, Vec3};
 
@@ -129,6 +129,16 @@ mod tests {
         assert!(broken(|s| s.meshes[0].geometries[0].first_triangle = 1).contains("start at triangle 0"));
         assert!(broken(|s| s.meshes[0].geometries[0].material = Some(0)).contains("material"));
         assert!(broken(|s| s.meshes[0].geometries[0].kept = Some(vec![])).contains("source"));
+        let alpha = |image, texcoords| {
+            let texture = AlphaTexture { image, texcoords, ..AlphaTexture::default() };
+            Some(AlphaTest { texture: Some(texture), ..AlphaTest::default() })
+        };
+        assert!(broken(|s| s.meshes[0].geometries[0].alpha = alpha(0, vec![])).contains("image"));
+        let too_few = broken(|s| {
+            s.images = vec![Image::broken(String::new(), String::new())];
+            s.meshes[0].geometries[0].alpha = alpha(0, vec![[0.0; 2]]);
+        });
+        assert!(too_few.contains("1 texture coordinates for 3 vertices"), "{too_few}");
         assert!(broken(|s| s.instances[0].mesh = MeshId(1)).contains("mesh that is not there"));
         assert!(broken(|s| s.instances[0].transform.translation = DVec3::INFINITY).contains("not finite"));
     }

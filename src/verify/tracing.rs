@@ -1,5 +1,7 @@
 //! Rays through both files with any tracer: what they see, and how fast.
 
+use std::cmp::Ordering;
+
 use super::Hit;
 use super::VerifyOptions;
 use super::build::{Built, Structures};
@@ -64,6 +66,8 @@ pub trait Tracer {
 pub struct Pace {
     /// Rays of a kind it takes to keep it busy; `None` where those that are compared will do.
     pub rays: Option<u32>,
+    /// Rays of a kind at most that are timed where nobody asks for more: as many as a slow one can trace time and again.
+    pub most_rays: Option<u32>,
     /// How often it may trace before its times settle.
     pub most_warm_ups: u32,
 }
@@ -119,7 +123,7 @@ fn together<T: Tracer>(
     compare: impl Compare,
 ) -> Result<Seen, T::Error> {
     let views = [View::of(tracers[0], rays)?, View::of(tracers[1], rays)?];
-    let timed = timed_rays(before, tracers[0], options)?;
+    let timed = timed_rays(before, rays, tracers[0], options)?;
     let mut kinds = Kinds::default();
     for (kind, rays) in kinds_of(timed.as_ref().unwrap_or(rays)) {
         let times = times(kind, rays, tracers, options.repeats)?;
@@ -142,7 +146,7 @@ fn one_by_one<T: Tracer>(
     };
     let tracer = make[0]()?;
     let view_before = View::of(&tracer, rays)?;
-    let timed = timed_rays(before, &tracer, options)?;
+    let timed = timed_rays(before, rays, &tracer, options)?;
     let timed = timed.as_ref().unwrap_or(rays);
     let times_before = all_times(&tracer, timed)?;
     drop(tracer);
@@ -215,12 +219,28 @@ fn times<T: Tracer, const N: usize>(
 }
 
 /// The rays to be timed, where they are not those that are compared.
-fn timed_rays<T: Tracer>(before: &Scene, tracer: &T, options: &VerifyOptions) -> Result<Option<Rays>, T::Error> {
-    let count = options.timed_rays_per_kind.or(tracer.pace().rays).unwrap_or(options.rays_per_kind);
-    if count == options.rays_per_kind {
-        return Ok(None);
+fn timed_rays<T: Tracer>(
+    before: &Scene,
+    rays: &Rays,
+    tracer: &T,
+    options: &VerifyOptions,
+) -> Result<Option<Rays>, T::Error> {
+    let (pace, compared) = (tracer.pace(), options.rays_per_kind);
+    let suitable = pace.rays.unwrap_or(compared).min(pace.most_rays.unwrap_or(u32::MAX));
+    let count = options.timed_rays_per_kind.unwrap_or(suitable);
+    match count.cmp(&compared) {
+        Ordering::Equal => Ok(None),
+        Ordering::Less => Ok(Some(thinned(rays, count as usize))),
+        Ordering::Greater => {
+            rays::generate_by(before, |rays| seen_by(tracer, rays), count as usize, options.seed).map(Some)
+        }
     }
-    rays::generate_by(before, |rays| seen_by(tracer, rays), count as usize, options.seed).map(Some)
+}
+
+/// About `count` rays of each kind, evenly taken.
+fn thinned(rays: &Rays, count: usize) -> Rays {
+    let thin = |rays: &Vec<Ray>| rays.iter().step_by(rays.len().div_ceil(count.max(1)).max(1)).copied().collect();
+    Rays { kinds: rays.kinds.each_ref().map(thin), view: rays.view.clone(), radius: rays.radius }
 }
 
 /// What a tracer takes for the truth.
@@ -232,4 +252,26 @@ pub(super) fn seen_by<T: Tracer>(tracer: &T, rays: &[Ray]) -> Result<Vec<Option<
         front: hit.front,
     };
     Ok(hits.into_iter().map(|hit| hit.map(believed)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn thinned_rays_are_spread_over_all_of_a_kind() {
+        let ray = |i: usize| Ray::endless(DVec3::X * i as f64, DVec3::Z);
+        let kinds = [10, 3, 1, 0].map(|n| (0..n).map(ray).collect());
+        let thinned = |count| thinned(&Rays { kinds: kinds.clone(), view: String::new(), radius: 1.0 }, count);
+        let origins = |rays: &[Ray]| rays.iter().map(|r| r.origin.x).collect::<Vec<f32>>();
+        let few = thinned(3);
+        assert_eq!(
+            few.kinds.each_ref().map(|k| origins(k)),
+            [vec![0.0, 4.0, 8.0], vec![0.0, 1.0, 2.0], vec![0.0], vec![]]
+        );
+        assert_eq!(thinned(0).kinds.each_ref().map(|k| k.len()), [1, 1, 1, 0]);
+        assert_eq!(thinned(100).kinds, kinds);
+    }
 }

@@ -94,3 +94,47 @@ fn a_software_driver_is_used_only_when_named() {
     let noted = report["notes"].as_array().expect("notes").iter().any(|n| n.as_str().unwrap().contains("on the CPU"));
     assert_eq!(noted, device.starts_with("CPU"), "{report}");
 }
+
+#[test]
+fn textures_of_alpha_tested_materials_are_found_beside_input_and_output_or_named() {
+    let folder = TempDir::new().unwrap();
+    let textured = sample("textured");
+    for name in ["scene.bin", "brick wall.png"] {
+        std::fs::copy(textured.with_file_name(name), folder.path().join(name)).unwrap();
+    }
+    let mut json: Value = serde_json::from_slice(&std::fs::read(&textured).unwrap()).unwrap();
+    json["materials"][0]["alphaMode"] = "MASK".into();
+    let scene = folder.path().join("scene.gltf");
+    std::fs::write(&scene, json.to_string()).unwrap();
+    let notes = |output: &str| {
+        let output = folder.path().join(output);
+        let (scene, output) = (scene.to_str().unwrap(), output.to_str().unwrap());
+        let ran = raykiln([
+            "bake",
+            scene,
+            "-o",
+            output,
+            "--method",
+            "single",
+            "--json",
+            "--device",
+            SOFTWARE,
+            "--rays",
+            "200",
+            "--repeats",
+            "1",
+        ]);
+        assert_eq!(ran.status, 0, "{}", ran.stderr);
+        let report = ran.json();
+        let on_textures = |note: &&Value| note.as_str().is_some_and(|n| n.contains("timed rays take these textures"));
+        report["notes"].as_array().expect("a list").iter().filter(on_textures).cloned().collect::<Vec<_>>()
+    };
+    std::fs::create_dir(folder.path().join("elsewhere")).unwrap();
+    for output in ["out.gltf", "out.glb", "elsewhere/out.gltf"] {
+        assert_eq!(notes(output), Vec::<Value>::new(), "{output}");
+    }
+    std::fs::remove_file(folder.path().join("brick wall.png")).unwrap();
+    let missing = notes("missing.gltf");
+    assert_eq!(missing.len(), 2, "{missing:?}");
+    assert!(missing.iter().all(|n| n.as_str().is_some_and(|n| n.contains("brick wall.png"))), "{missing:?}");
+}

@@ -5,6 +5,7 @@ mod common;
 mod bad_input;
 mod cli;
 mod determinism;
+mod device_hits;
 mod devices;
 mod faults;
 mod mutations;

@@ -1,5 +1,6 @@
 //! glTF and GLB: what is read, what is refused, what is written.
 
+mod alpha;
 mod attributes;
 mod compact;
 mod damage;

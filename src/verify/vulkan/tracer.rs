@@ -9,6 +9,9 @@ use crate::verify::{Hit, Pace, Tracer};
 /// Rays of a kind that keep a GPU busy: four a pixel of a picture of 1280 x 720.
 const BUSY: u32 = 4 * 1280 * 720;
 
+/// Rays of a kind that a software driver traces time and again within seconds, through a million triangles.
+const MANY: u32 = 4096;
+
 impl<'d> Tracer for VulkanTracer<'_, 'd> {
     type Rays<'r> = RayBuffer<'d>;
     type Error = Error;
@@ -19,8 +22,8 @@ impl<'d> Tracer for VulkanTracer<'_, 'd> {
 
     fn pace(&self) -> Pace {
         match VulkanTracer::device(self).info().is_software {
-            true => Pace { rays: None, most_warm_ups: 1 },
-            false => Pace { rays: Some(BUSY), most_warm_ups: 30 },
+            true => Pace { rays: None, most_rays: Some(MANY), most_warm_ups: 1 },
+            false => Pace { rays: Some(BUSY), most_rays: None, most_warm_ups: 30 },
         }
     }
 

@@ -75,6 +75,9 @@ fn planted() -> Vec<(&'static str, Scene)> {
         ("a lost triangle", change(&|s| s.meshes[0].geometries[0].triangles[3] = [0; 3])),
         ("a wrong material", change(&|s| s.meshes[1].geometries[1].material = Some(3))),
         ("a flipped triangle", change(&|s| s.meshes[0].geometries[0].triangles[5].swap(0, 1))),
+        ("a moved instance", change(&|s| s.instances[3].transform.translation.z += 0.1)),
+        ("a missing triangle", change(&|s| s.meshes[0].geometries[0].triangles.truncate(11))),
+        ("a missing instance", change(&|s| drop(s.instances.pop()))),
         (
             "a mirrored instance",
             change(&|s| s.instances[2].transform *= DAffine3::from_scale(glam::DVec3::new(1.0, 1.0, -1.0))),
