@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{Content, GroupGeometry, Layout};
-use crate::scene::{Geometry, Instance, Mesh, MeshId, Scene, TriangleRef};
+use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, InstanceId, Mesh, MeshId, Scene, TriangleRef};
 
 /// The scene of a layout: one mesh for each group, one instance for each placement, in their order; positions as they
 /// would be stored, rounded once. For tracing only: vertices are not shared, and nothing says where a triangle comes from.
@@ -21,6 +21,7 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
         meshes,
         instances: layout.placements.iter().map(instance).collect(),
         materials: scene.materials.clone(),
+        images: scene.images.clone(),
         cameras: scene.cameras.clone(),
         nodes: scene.nodes,
     }
@@ -31,11 +32,12 @@ fn mesh(scene: &Scene, content: &Content) -> Mesh {
         Content::Kept(mesh) => scene.meshes[mesh.0 as usize].clone(),
         Content::Piece(mesh, geometries) => {
             let mesh = &scene.meshes[mesh.0 as usize];
-            geometries_of(geometries, |at| mesh.corners(at.triangle))
+            geometries_of(scene, geometries, |at| mesh.corners(at.triangle), |_| false)
         }
         Content::Baked { frame, geometries } => {
             let into = frame.inverse();
-            geometries_of(geometries, |at| scene.world_corners(at).map(|p| rounded(&into, p)))
+            let mirrored = |at: TriangleRef| scene.instances[at.instance as usize].mirrored();
+            geometries_of(scene, geometries, |at| scene.world_corners(at).map(|p| rounded(&into, p)), mirrored)
         }
     }
 }
@@ -44,7 +46,13 @@ fn rounded(into: &DAffine3, point: DVec3) -> Vec3 {
     if *into == DAffine3::IDENTITY { point.as_vec3() } else { into.transform_point3(point).as_vec3() }
 }
 
-fn geometries_of(geometries: &[GroupGeometry], corners: impl Fn(TriangleRef) -> [Vec3; 3] + Sync) -> Mesh {
+/// Geometries with corners as given, the second and third of which are exchanged in mirrored triangles.
+fn geometries_of(
+    scene: &Scene,
+    geometries: &[GroupGeometry],
+    corners: impl Fn(TriangleRef) -> [Vec3; 3] + Sync,
+    mirrored: impl Fn(TriangleRef) -> bool,
+) -> Mesh {
     let mut first_triangle = 0;
     let geometry = |(primitive, of): (usize, &GroupGeometry)| {
         let count = of.triangles.len() as u32;
@@ -53,6 +61,7 @@ fn geometries_of(geometries: &[GroupGeometry], corners: impl Fn(TriangleRef) -> 
             primitive: primitive as u32,
             material: of.material,
             opacity: of.opacity,
+            alpha: alpha(scene, &of.triangles, &mirrored),
             merge_class: of.merge_class,
             first_triangle: first_triangle - count,
             positions: of.triangles.par_iter().flat_map_iter(|&at| corners(at)).collect(),
@@ -63,12 +72,35 @@ fn geometries_of(geometries: &[GroupGeometry], corners: impl Fn(TriangleRef) -> 
     Mesh { geometries: geometries.iter().enumerate().map(geometry).collect(), ..Mesh::default() }
 }
 
+/// What the triangles of an alpha-tested geometry test, which is the same texture for one material.
+fn alpha(scene: &Scene, triangles: &[TriangleRef], mirrored: impl Fn(TriangleRef) -> bool) -> Option<AlphaTest> {
+    let source = |at: TriangleRef| {
+        let mesh = scene.mesh_of(InstanceId(at.instance));
+        let (geometry, triangle) = mesh.locate(at.triangle);
+        (&mesh.geometries[geometry], triangle)
+    };
+    let first = source(*triangles.first()?).0.alpha.as_ref()?;
+    let texture = first.texture.as_ref().map(|texture| {
+        let of_triangle = |&at: &TriangleRef| {
+            let (geometry, triangle) = source(at);
+            let placed =
+                geometry.alpha.as_ref().and_then(|alpha| alpha.texture.as_ref()).map(|t| t.texcoords.as_slice());
+            let [a, b, c] = geometry.triangles[triangle];
+            let order = if mirrored(at) { [a, c, b] } else { [a, b, c] };
+            order.map(|vertex| placed.and_then(|p| p.get(vertex as usize)).copied().unwrap_or_default())
+        };
+        let known = !texture.texcoords.is_empty();
+        let texcoords = if known { triangles.iter().flat_map(of_triangle).collect() } else { Vec::new() };
+        AlphaTexture { texcoords, ..*texture }
+    });
+    Some(AlphaTest { texture, ..*first })
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::test_scenes::*;
     use super::super::{Method, Options, run};
     use super::*;
-    use crate::scene::InstanceId;
     use proptest::prelude::*;
 
     /// World corners of all placed triangles, sorted.

@@ -2,7 +2,7 @@
 
 use super::build::Built;
 use super::rays::{self, RayKind};
-use super::speed::{self, Kinds};
+use super::speed::{self, KindSpeed, Kinds};
 use super::tracing::seen_by;
 #[cfg(feature = "vulkan")]
 use super::vulkan::{Error, Pipelines, VulkanTracer};
@@ -37,7 +37,10 @@ pub(super) fn race<T: Tracer>(
         let tracer = enter(i)?;
         let mut kinds = Kinds::default();
         for ((kind, rays), prepared) in RayKind::ALL.into_iter().zip(&rays.kinds).zip(&prepared) {
-            *kinds.of(kind) = speed::measure(kind, rays.len(), prepared, [before, &tracer], options.repeats)?;
+            if !rays.is_empty() {
+                let times = speed::times(kind, prepared, [before, &tracer], options.repeats)?;
+                *kinds.of(kind) = KindSpeed::in_turns(rays.len(), times);
+            }
         }
         Ok(Lap { kinds, built: tracer.built() })
     };
