@@ -7,7 +7,7 @@ use super::passes::pass;
 use super::plans::Plan;
 use crate::cost::{Metrics, bytes};
 use crate::emit;
-use crate::layout::{self, Content, Layout};
+use crate::layout::{self, Cache, Content, Layout};
 use crate::report::{self, Pass};
 use crate::scene::{Pinned, Scene};
 use crate::verify::Lap;
@@ -132,10 +132,10 @@ fn largest_group(scene: &Scene, layout: &Layout) -> usize {
 }
 
 /// Runs a plan and keeps its rounding within the limit; the scene's pins are as before.
-pub(super) fn lay_out(scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
+pub(super) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
     let pins_before: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
     let start = Instant::now();
-    let mut layout = layout::run(plan.method, scene, &plan.options);
+    let mut layout = layout::run_with(cache, plan.method, scene, &plan.options);
     let regrouped = !emit::is_unchanged(&layout);
     let reason = if regrouped { "the layout differs from the input's" } else { "the layout is the input's" };
     let mut passes = vec![pass("regroup", regrouped, reason, start)];
@@ -146,7 +146,7 @@ pub(super) fn lay_out(scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> L
     while !settled.refused.is_empty() {
         refused += settled.refused.len();
         scene.pin(&settled.refused, Pinned::Precision);
-        layout = layout::run(plan.method, scene, &plan.options);
+        layout = layout::run_with(cache, plan.method, scene, &plan.options);
         settled = emit::settle(scene, &mut layout, max_error_ratio);
     }
     if refused > 0 {

@@ -13,7 +13,7 @@ pub mod plans;
 use std::time::Instant;
 
 use crate::cost::Metrics;
-use crate::layout::{self, Layout, Method};
+use crate::layout::{self, Cache, Layout, Method};
 use crate::report::{MethodReport, Pass};
 use crate::scene::Scene;
 use crate::verify::cpu::{Reference, TwoLevel};
@@ -98,7 +98,7 @@ pub fn choose(
 
 fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify: &VerifyOptions) -> Chosen {
     let plan = Plan { name: method.name().to_owned(), method, options: options.layout.clone() };
-    let laid = lay_out(scene, &plan, verify.max_position_error_ratio);
+    let laid = lay_out(&mut Cache::default(), scene, &plan, verify.max_position_error_ratio);
     let report = MethodReport {
         requested: options.method.name(),
         chosen: method.name(),
@@ -154,9 +154,10 @@ fn evaluate(
     let rays = rays::generate(scene, &Reference::new(&trees), options.effort.rays(), verify.seed);
     let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights };
     let mut candidates: Vec<Candidate> = Vec::new();
+    let mut cache = Cache::default();
     for plan in plans {
         let start = Instant::now();
-        let laid = lay_out(scene, plan, verify.max_position_error_ratio);
+        let laid = lay_out(&mut cache, scene, plan, verify.max_position_error_ratio);
         if candidates.iter().any(|c| c.laid.is_same(&laid)) {
             continue;
         }

@@ -104,9 +104,16 @@ impl Tree {
         build_over(boxes, (0..boxes.len() as u32).filter(|&i| usable(&boxes[i as usize])).collect(), quality)
     }
 
-    /// Builds a tree in which the items of each part stay together: a tree over each part, and one over the parts.
-    pub fn of_parts(boxes: &[Bounds], parts: Vec<Vec<u32>>, quality: Quality) -> Tree {
-        join_crowds(boxes, Vec::new(), parts, quality)
+    /// The items below a node, as a range of [`Tree::order`].
+    pub fn items_below(&self, node: u32) -> std::ops::Range<usize> {
+        let (mut first, mut last) = (node as usize, node as usize);
+        while !self.nodes[first].is_leaf() {
+            first = self.nodes[first].first as usize;
+        }
+        while !self.nodes[last].is_leaf() {
+            last = self.nodes[last].first as usize + 1;
+        }
+        self.nodes[first].items().start..self.nodes[last].items().end
     }
 
     /// The box around the items below every node, given the boxes of all items; parallel to `nodes`.

@@ -16,7 +16,7 @@ mod stored;
 #[cfg(test)]
 mod test_scenes;
 
-pub use cluster::looseness;
+pub use cluster::{Cache, looseness};
 pub use order::order_by_tree;
 pub use stored::stored;
 
@@ -179,13 +179,21 @@ impl Default for Options {
 /// # Panics
 /// In debug builds, if the layout does not hold every placed triangle exactly once ([`Layout::check`]).
 pub fn run(method: Method, scene: &Scene, options: &Options) -> Layout {
+    run_with(&mut Cache::default(), method, scene, options)
+}
+
+/// As [`run`], several times over the same scene, whose instances may be pinned in between.
+///
+/// # Panics
+/// As [`run`].
+pub fn run_with(cache: &mut Cache, method: Method, scene: &Scene, options: &Options) -> Layout {
     let layout = match method {
         Method::Keep => keep::keep(scene, options),
         Method::Single => single::single(scene, options),
         Method::PerObject => per_object::per_object(scene, options),
         Method::Bvh => bvh::bvh(scene, options),
         Method::Overlap => overlap::overlap(scene, options),
-        Method::Cluster => cluster::cluster(scene, options),
+        Method::Cluster => cluster::cluster(scene, options, cache),
     };
     debug_assert_eq!(layout.check(scene), Ok(()), "{method:?}");
     layout

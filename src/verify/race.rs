@@ -30,7 +30,7 @@ pub(super) fn race<T: Tracer>(
     enter: impl Fn(usize) -> Result<T, T::Error>,
     options: &VerifyOptions,
 ) -> Result<Vec<Result<Lap, T::Error>>, T::Error> {
-    let count = options.timed_rays_per_kind.or(before.pace().rays).unwrap_or(options.rays_per_kind);
+    let count = before.pace().timed(options);
     let rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
     let prepared = rays.kinds.iter().map(|rays| before.prepare(rays)).collect::<Result<Vec<_>, _>>()?;
     let lap = |i| {

@@ -72,6 +72,14 @@ pub struct Pace {
     pub most_warm_ups: u32,
 }
 
+impl Pace {
+    /// How many rays of a kind are timed.
+    pub(super) fn timed(&self, options: &VerifyOptions) -> u32 {
+        let suitable = self.rays.unwrap_or(options.rays_per_kind).min(self.most_rays.unwrap_or(u32::MAX));
+        options.timed_rays_per_kind.unwrap_or(suitable)
+    }
+}
+
 /// What rays saw.
 pub(super) struct Seen {
     pub(super) device: String,
@@ -225,10 +233,8 @@ fn timed_rays<T: Tracer>(
     tracer: &T,
     options: &VerifyOptions,
 ) -> Result<Option<Rays>, T::Error> {
-    let (pace, compared) = (tracer.pace(), options.rays_per_kind);
-    let suitable = pace.rays.unwrap_or(compared).min(pace.most_rays.unwrap_or(u32::MAX));
-    let count = options.timed_rays_per_kind.unwrap_or(suitable);
-    match count.cmp(&compared) {
+    let count = tracer.pace().timed(options);
+    match count.cmp(&options.rays_per_kind) {
         Ordering::Equal => Ok(None),
         Ordering::Less => Ok(Some(thinned(rays, count as usize))),
         Ordering::Greater => {

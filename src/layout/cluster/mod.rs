@@ -3,28 +3,28 @@
 //!
 //! Helps scenes whose parts are turned against the axes and thin geometry (pipes, cables, railings, furniture at an
 //! angle), and bounds groups for engines that stream them; on geometry along the axes it comes to what `single` does.
-//! A tree over all triangles is cut by a dynamic programme ([`programme`]). Of three trees the one that cuts best is
-//! taken: over triangles, over connected components and over objects, since long thin parts that cross do not come
-//! apart in space.
+//! A tree over all triangles is cut by a dynamic programme ([`programme`]), before or after units such as connected
+//! components left it ([`units`]), whichever is predicted to cost less.
 
+mod facts;
+mod ground;
 mod programme;
 mod refit;
 mod soup;
 mod units;
 
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use glam::{DAffine3, DVec3};
 
 use super::builder::{Builder, Geometries, Object, objects};
 use super::instancing::bake_within_limits;
-use super::{Layout, Options, frames, single};
+use super::{Layout, Options, single};
 use crate::cost::sah::TRAVERSAL;
-use crate::cost::tree::{Quality, Tree};
-use crate::layout::frames::Search;
 use crate::scene::{Bounds, InstanceId, Scene};
+use ground::Ground;
 use programme::Group;
-use refit::Refit;
 use soup::{Soup, Turned};
 
 /// Another frame for all triangles must cost less than this share to be taken.
@@ -33,22 +33,21 @@ const WORTH_TURNING: f64 = 0.97;
 /// Nodes of the TLAS that a group adds, each as large as its box.
 const TLAS_NODES: f64 = 2.0;
 
+/// From this entry cost on no part gets a frame of its own.
+const PROHIBITIVE: f64 = 1e6;
+
 /// What groups are allowed to be; lengths in half diagonals of the scene.
 struct Limits {
     entry_cost: f64,
-    frames: bool,
     min_turned: u32,
     max_triangles: u32,
     max_extent: f64,
 }
 
 impl Limits {
-    fn of(options: &Options, soup: &Soup, frames: bool) -> Limits {
-        let all = (0..soup.len() as u32).map(|t| soup.bounds_in(&Turned::NOT, t));
-        let extent = all.fold(Bounds::EMPTY, |a, b| a.union(&b)).size().max_element();
+    fn of(options: &Options, extent: f64) -> Limits {
         Limits {
             entry_cost: options.entry_cost,
-            frames,
             min_turned: options.min_turned_triangles,
             max_triangles: options.max_group_triangles.unwrap_or(u32::MAX),
             max_extent: options.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
@@ -60,8 +59,29 @@ impl Limits {
         self.entry_cost + TLAS_NODES * TRAVERSAL
     }
 
-    fn allow(&self, triangles: u32, bounds: &Bounds) -> bool {
-        triangles <= self.max_triangles && bounds.size().max_element() <= self.max_extent
+    fn allow(&self, triangles: u32, extent: f64) -> bool {
+        triangles <= self.max_triangles && extent <= self.max_extent
+    }
+}
+
+/// What several runs over the same scene share. Runs with equal options give equal layouts, with a cache or without.
+#[derive(Default)]
+pub struct Cache(Option<(Key, Option<Rc<Ground>>)>);
+
+/// What a [`Ground`] depends on.
+type Key = (Vec<InstanceId>, bool, bool);
+
+impl Cache {
+    fn ground(&mut self, scene: &Scene, instances: &[InstanceId], options: &Options) -> Option<Rc<Ground>> {
+        let parts = options.entry_cost < PROHIBITIVE;
+        let serves = |key: &Key| key.0 == instances && key.1 == options.frames && (key.2 || !parts);
+        if !self.0.as_ref().is_some_and(|(key, _)| serves(key)) {
+            // The old one goes first: both at once could be too much.
+            self.0 = None;
+            let ground = Ground::new(scene, instances, options.frames, parts).map(Rc::new);
+            self.0 = Some(((instances.to_vec(), options.frames, parts), ground));
+        }
+        self.0.as_ref().and_then(|(_, ground)| ground.clone())
     }
 }
 
@@ -85,50 +105,21 @@ pub fn looseness(scene: &Scene) -> f64 {
 const SAMPLES: usize = 1 << 16;
 
 /// The groups of least predicted cost.
-pub(super) fn cluster(scene: &Scene, options: &Options) -> Layout {
+pub(super) fn cluster(scene: &Scene, options: &Options, cache: &mut Cache) -> Layout {
+    let cache = std::cell::RefCell::new(cache);
     bake_within_limits(scene, options, |bake| {
         let mut layout = Builder::new(scene);
         bake.left().for_each(|instance| layout.keep(instance));
         let baked: Vec<InstanceId> = bake.baked().collect();
-        let soup = Soup::new(scene, baked.iter().copied());
-        match best_cut(&soup, options).as_slice() {
-            [] => single::join_all(scene, &baked, &mut layout),
-            [one] if one.frame == Turned::NOT => single::join_all(scene, &baked, &mut layout),
-            groups => push(scene, &baked, &soup, groups, &mut layout),
+        let ground = cache.borrow_mut().ground(scene, &baked, options);
+        let groups = ground.as_ref().map_or(Vec::new(), |g| g.cut(&Limits::of(options, g.extent())));
+        match (ground, groups.as_slice()) {
+            (None, _) | (_, []) => single::join_all(scene, &baked, &mut layout),
+            (_, [one]) if one.frame == Turned::NOT => single::join_all(scene, &baked, &mut layout),
+            (Some(ground), groups) => push(scene, &baked, &ground.soup, groups, &mut layout),
         }
         layout.finish()
     })
-}
-
-/// The best cut of the trees over triangles, components and objects.
-fn best_cut(soup: &Soup, options: &Options) -> Vec<Group> {
-    let tree = Tree::build_usable(&soup.boxes_in(&Turned::NOT), Quality::Medium);
-    if tree.order.len() < soup.len() {
-        return Vec::new();
-    }
-    let base = if options.frames { best_frame(soup, &tree) } else { Turned::NOT };
-    let limits = Limits::of(options, soup, options.frames);
-    let boxes = soup.boxes_in(&base);
-    let tree = if base == Turned::NOT { tree } else { Tree::build(&boxes, Quality::Medium) };
-    let mut best = programme::cut(soup, &tree, base, &limits);
-    drop(tree);
-    for units in [units::components(soup), units::objects(soup)].into_iter().flatten() {
-        let other = programme::cut(soup, &Tree::of_parts(&boxes, units, Quality::Medium), base, &limits);
-        if other.1 < best.1 {
-            best = other;
-        }
-    }
-    best.0
-}
-
-/// The frame in which a tree over all triangles, refitted, costs least; the world's unless another is clearly better.
-fn best_frame(soup: &Soup, tree: &Tree) -> Turned {
-    let mut refit = Refit::default();
-    let mut cost = |frame: &Turned| refit.part(tree, 0, |t| soup.bounds_in(frame, t)).cost;
-    let rotations = frames::rotations((0..soup.len() as u32).map(|t| soup.corners(t)), Search::SCENE);
-    let world = WORTH_TURNING * cost(&Turned::NOT);
-    let tried = rotations.into_iter().map(Turned::by).map(|frame| (cost(&frame), frame));
-    tried.fold((world, Turned::NOT), |best, tried| if tried.0 < best.0 { tried } else { best }).1
 }
 
 /// Adds groups to a layout.
