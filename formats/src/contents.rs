@@ -1,5 +1,7 @@
 //! [`Contents`]: the checked, typed view of a [`Document`](crate::Document) from which a scene is made.
 
+use std::sync::Arc;
+
 use glam::DAffine3;
 
 use crate::Warning;
@@ -46,6 +48,80 @@ pub struct Node {
     pub in_other_scene: bool,
     /// Extensions of the node whose meaning is not known here, so that it must stay as it is.
     pub unknown_extensions: Vec<String>,
+    /// What the node stands for in the input, if an earlier bake recorded it.
+    pub source: Option<NodeSource>,
+}
+
+/// `extras.raykiln.source` of an output node: `{"node": n}`, of a node that places a copy of what `n` placed
+/// `{"node": n, "mesh": m, "runs": accessor}`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NodeSource {
+    /// Node of the input.
+    pub node: u32,
+    /// The mesh of the input of which a copy is placed; `None` where the triangles themselves say what they are.
+    pub copy_of: Option<CopyOf>,
+}
+
+/// A mesh of which a copy is placed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CopyOf {
+    /// Mesh of the input.
+    pub mesh: u32,
+    /// Which of its triangles each triangle of the copy is; `None` where both are in the same order.
+    pub order: Option<Arc<TriangleOrder>>,
+}
+
+/// For each triangle of a mesh, counted through its primitives, a triangle of another mesh, counted likewise.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TriangleOrder {
+    runs: Vec<[u32; 2]>,
+    /// The first triangle of each run, and their number.
+    starts: Vec<u64>,
+}
+
+impl TriangleOrder {
+    /// Of runs that follow each other: first triangle of the other mesh, number of triangles. `None` where a run
+    /// passes the largest number.
+    pub fn new(runs: Vec<[u32; 2]>) -> Option<TriangleOrder> {
+        let mut starts = Vec::with_capacity(runs.len() + 1);
+        let mut next = 0;
+        for &[first, count] in &runs {
+            first.checked_add(count)?;
+            starts.push(next);
+            next += u64::from(count);
+        }
+        starts.push(next);
+        Some(TriangleOrder { runs, starts })
+    }
+
+    /// Of the triangles themselves; `None` where each is itself.
+    pub fn of(triangles: &[u32]) -> Option<TriangleOrder> {
+        if (0..).zip(triangles).all(|(i, &t)| i == t) {
+            return None;
+        }
+        let mut runs: Vec<[u32; 2]> = Vec::new();
+        for &triangle in triangles {
+            match runs.last_mut() {
+                Some([first, count]) if *first + *count == triangle => *count += 1,
+                _ => runs.push([triangle, 1]),
+            }
+        }
+        TriangleOrder::new(runs)
+    }
+
+    /// The runs.
+    pub fn runs(&self) -> &[[u32; 2]] {
+        &self.runs
+    }
+
+    /// The triangle of the other mesh that `triangle` is; `None` beyond the last run.
+    pub fn triangle(&self, triangle: u32) -> Option<u32> {
+        let at = u64::from(triangle);
+        let run = self.starts.partition_point(|&start| start <= at).checked_sub(1)?;
+        let [first, count] = *self.runs.get(run)?;
+        let within = u32::try_from(at - self.starts[run]).ok()?;
+        (within < count).then_some(first + within)
+    }
 }
 
 /// A glTF mesh.

@@ -141,7 +141,7 @@ fn write(
     prune: bool,
 ) -> Result<Written, raykiln_formats::Error> {
     let start = Instant::now();
-    let regrouped = !emit::is_unchanged(layout);
+    let regrouped = !emit::is_input(scene, layout);
     let emitted = (regrouped || prune).then(|| emit::emit(doc, scene, layout, prune));
     let pruned = emitted.as_ref().map_or(0, |e| e.pruned_nodes);
     let mut passes = Vec::new();

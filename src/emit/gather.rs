@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use crate::layout::{Content, GroupGeometry};
-use crate::scene::{Geometry, InstanceId, Scene, TriangleRef};
+use crate::scene::{Geometry, Origin, Scene, TriangleRef};
 
 /// Vertices up to this many are indexed with 16 bits; 65,535 itself is glTF's primitive restart.
 const MOST_SHORT_VERTICES: usize = 65_535;
@@ -174,28 +174,36 @@ impl<'a> Vertices<'a> {
     }
 
     /// The part a triangle belongs to, and its index in the part's geometry.
+    ///
+    /// What is baked is taken from the mesh that the document places, so that a copy adds no error of its own; a piece
+    /// is shared with the mesh's other instances.
     fn part_of(&mut self, at: TriangleRef) -> (u32, usize) {
-        let mesh = self.scene.mesh_of(InstanceId(at.instance));
-        let (geometry, triangle) = mesh.locate(at.triangle);
+        let placed = &self.scene.instances[at.instance as usize];
+        let origin = match self.frame {
+            Some(_) => self.scene.origin(at),
+            None => Origin { mesh: placed.mesh, triangle: at.triangle, transform: placed.transform },
+        };
+        let mesh = &self.scene.meshes[origin.mesh.0 as usize];
+        let (geometry, triangle) = mesh.locate(origin.triangle);
         let instance = if self.frame.is_some() { at.instance } else { 0 };
         let next = self.parts.len() as u32;
         let part = *self.part_numbers.entry((instance, geometry as u32)).or_insert(next);
         if part == next {
-            self.parts.push(self.new_part(at.instance, geometry));
+            self.parts.push(self.new_part(at.instance, &origin, geometry));
         }
         (part, triangle)
     }
 
-    fn new_part(&self, instance: u32, geometry_index: usize) -> Part<'a> {
+    fn new_part(&self, instance: u32, origin: &Origin, geometry_index: usize) -> Part<'a> {
         let placed = &self.scene.instances[instance as usize];
-        let mesh = &self.scene.meshes[placed.mesh.0 as usize];
+        let mesh = &self.scene.meshes[origin.mesh.0 as usize];
         let geometry = &mesh.geometries[geometry_index];
         Part {
-            mesh: placed.mesh.0 as usize,
+            mesh: origin.mesh.0 as usize,
             mesh_source: mesh.source,
             geometry_index,
             geometry,
-            transform: self.frame.and_then(|frame| Transform::unless_identity(frame * placed.transform)),
+            transform: self.frame.and_then(|frame| Transform::unless_identity(frame * origin.transform)),
             source: Source {
                 node: self.frame.map(|_| placed.node),
                 copy: if self.frame.is_some() { placed.copy } else { 0 },

@@ -8,6 +8,8 @@
 //! | emptied node | `moved_to` | nodes that show its triangles now |
 //! | emptied node | `mesh` | name and extras of the mesh it placed |
 //! | new child node, renumbered node | `source.node` | the input's node it stands for |
+//! | node that places a copy | `source.node`, `source.mesh` | the input's node and mesh it stands for |
+//! | node that places a copy | `source.runs` | see [`TriangleOrder`](crate::scene::TriangleOrder); absent where both are in the same order |
 //! | primitive left as it is | `source` | mesh and primitive of the input |
 //! | rewritten primitive | `provenance` | see [`Provenance`](raykiln_formats::contents::Provenance) |
 
@@ -41,9 +43,14 @@ pub struct Emitted {
     pub notes: Vec<String>,
 }
 
-/// Whether a layout leaves every mesh and instance of the input as it is.
+/// Whether a layout leaves every mesh and instance of its scene as it is.
 pub fn is_unchanged(layout: &Layout) -> bool {
     layout.groups.iter().all(|g| matches!(g.content, Content::Kept(_)))
+}
+
+/// Whether a layout shows the document exactly as it is: unchanged, and no mesh of the scene stands in for another.
+pub fn is_input(scene: &Scene, layout: &Layout) -> bool {
+    is_unchanged(layout) && scene.instances.iter().all(|i| i.stand_in.is_none())
 }
 
 /// Makes the document that shows `layout`, from the document the scene was loaded from.

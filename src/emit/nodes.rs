@@ -2,25 +2,36 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DAffine3, DMat3};
+use glam::{DAffine3, DMat3, DMat4, DVec3};
 use raykiln_formats::Document;
 use serde_json::{Map, Value, json};
 
-use super::primitive::{push, raykiln_extras, remove_key};
+use super::primitive::{push, push_runs, raykiln_extras, remove_key};
 use crate::layout::{Content, Layout};
-use crate::scene::{Mesh, MeshId, Scene};
+use crate::scene::{InstanceId, Scene, StandIn};
 
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// What becomes of a node of the input whose mesh does not stay.
 #[derive(Default)]
-struct Change {
-    /// The mesh it placed.
+struct Change<'a> {
+    /// The mesh of the document that it placed.
     mesh: u32,
-    /// Groups that hold pieces of its mesh.
+    /// Groups that hold its mesh in pieces, or a mesh that stands in for it, whole or in pieces.
     pieces: Vec<u32>,
+    /// How the mesh that stands in for its mesh does so.
+    stand_in: Option<&'a StandIn>,
     /// New nodes with triangles of its instances.
     moved_to: Vec<usize>,
+}
+
+/// What all nodes that placed one mesh share.
+#[derive(Default)]
+struct Shared {
+    /// By mesh of the document: the mesh of its points and lines, if it has any.
+    remainders: BTreeMap<u32, Option<usize>>,
+    /// By mesh of the document: the accessor that tells which of its triangles those of its stand-in are.
+    orders: BTreeMap<u32, usize>,
 }
 
 /// Makes the nodes of `document` place `meshes`, one for each group of the layout.
@@ -29,11 +40,12 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
     for placement in &layout.placements {
         let group = &layout.groups[placement.group as usize];
         let mesh = meshes[placement.group as usize];
+        let stand_in = placement.instance.and_then(|i| scene.instances[i.0 as usize].stand_in.as_ref());
         match (&group.content, placement.instance) {
-            (Content::Kept(_), _) => {}
-            (Content::Piece(of, _), Some(instance)) => {
-                let node = scene.instances[instance.0 as usize].node;
-                let change = changes.entry(node).or_insert_with(|| Change { mesh: of.0, ..Change::default() });
+            (Content::Kept(_), _) if stand_in.is_none() => {}
+            (Content::Kept(_) | Content::Piece(..), Some(instance)) => {
+                let change = change_of(scene, instance, &mut changes);
+                change.stand_in = stand_in;
                 // Copies of one node share its pieces.
                 if !change.pieces.contains(&placement.group) {
                     change.pieces.push(placement.group);
@@ -45,10 +57,20 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
             }
         }
     }
-    let mut remainders = BTreeMap::new();
+    let mut shared = Shared::default();
     for (node, change) in changes {
-        rewrite(document, scene, layout, meshes, node as usize, change, &mut remainders);
+        rewrite(document, layout, meshes, node as usize, change, &mut shared);
     }
+}
+
+/// What becomes of the node of an instance.
+fn change_of<'a, 'c>(
+    scene: &Scene,
+    instance: InstanceId,
+    changes: &'c mut BTreeMap<u32, Change<'a>>,
+) -> &'c mut Change<'a> {
+    let node = scene.instances[instance.0 as usize].node;
+    changes.entry(node).or_insert_with(|| Change { mesh: scene.document_mesh(instance), ..Change::default() })
 }
 
 /// Adds a root node to the default scene; returns its index.
@@ -58,12 +80,7 @@ fn push_root(document: &mut Document, name: &str, mesh: usize, transform: &DAffi
         node.insert("name".into(), name.into());
     }
     node.insert("mesh".into(), mesh.into());
-    if transform.matrix3 != DMat3::IDENTITY {
-        let m = glam::DMat4::from(*transform);
-        node.insert("matrix".into(), json!(m.to_cols_array()));
-    } else if transform.translation != glam::DVec3::ZERO {
-        node.insert("translation".into(), json!(transform.translation.to_array()));
-    }
+    insert_transform(&mut node, transform);
     let index = push(&mut document.json, "nodes", node.into());
     let shown = document.json["scene"].as_u64().unwrap_or(0) as usize;
     // Without scenes every node without a parent is shown.
@@ -73,78 +90,121 @@ fn push_root(document: &mut Document, name: &str, mesh: usize, transform: &DAffi
     index
 }
 
+/// Gives a node its transform; the identity needs none.
+fn insert_transform(node: &mut Map<String, Value>, transform: &DAffine3) {
+    if transform.matrix3 != DMat3::IDENTITY {
+        node.insert("matrix".into(), json!(DMat4::from(*transform).to_cols_array()));
+    } else if transform.translation != DVec3::ZERO {
+        node.insert("translation".into(), json!(transform.translation.to_array()));
+    }
+}
+
 /// Records for every node with triangles in a baked group that `node` shows them now.
 fn note_moves(scene: &Scene, content: &Content, node: usize, changes: &mut BTreeMap<u32, Change>) {
     let Content::Baked { geometries, .. } = content else { return };
     let mut instances: Vec<u32> = geometries.iter().flat_map(|g| g.triangles.iter().map(|t| t.instance)).collect();
     instances.sort_unstable();
     instances.dedup();
-    for instance in instances.into_iter().map(|i| &scene.instances[i as usize]) {
-        let change =
-            changes.entry(instance.node).or_insert_with(|| Change { mesh: instance.mesh.0, ..Change::default() });
+    for instance in instances {
+        let change = change_of(scene, InstanceId(instance), changes);
         if change.moved_to.last() != Some(&node) {
             change.moved_to.push(node);
         }
     }
 }
 
-/// Takes the mesh off a node, hangs its pieces under it and records what happened.
+/// Takes the mesh off a node, hangs its pieces or what stands in for it under it and records what happened.
 fn rewrite(
     document: &mut Document,
-    scene: &Scene,
     layout: &Layout,
     meshes: &[usize],
     node: usize,
     mut change: Change,
-    remainders: &mut BTreeMap<u32, Option<usize>>,
+    shared: &mut Shared,
 ) {
-    let remainder = *remainders
-        .entry(change.mesh)
-        .or_insert_with(|| push_remainder(document, &scene.meshes[MeshId(change.mesh).0 as usize]));
-    let copies = document.json["nodes"][node]["extensions"].get(INSTANCING).cloned();
+    let remainder =
+        *shared.remainders.entry(change.mesh).or_insert_with(|| push_remainder(document, change.mesh as usize));
+    let source = source(document, node, &change, shared);
     let replaced = match (change.pieces.as_slice(), remainder) {
         (_, Some(points_and_lines)) => Some(points_and_lines),
-        ([piece], None) if change.moved_to.is_empty() => Some(meshes[*piece as usize]),
+        ([piece], None) if change.moved_to.is_empty() && fits_in_place(document, node, &change) => {
+            Some(meshes[*piece as usize])
+        }
         _ => None,
     };
-    if remainder.is_some() || replaced.is_none() {
+    let in_place = remainder.is_none() && replaced.is_some();
+    if !in_place {
         for &piece in &change.pieces {
-            let name = &layout.groups[piece as usize].name;
-            change.moved_to.push(push_child(document, node, name, meshes[piece as usize], copies.as_ref()));
+            let name = match change.stand_in {
+                Some(_) => document.json["meshes"][change.mesh as usize]["name"].as_str().unwrap_or("").to_owned(),
+                None => layout.groups[piece as usize].name.clone(),
+            };
+            let child = child(document, node, &name, meshes[piece as usize], &change, &source);
+            change.moved_to.push(push_child(document, node, child));
         }
     }
     set_mesh(&mut document.json["nodes"][node], replaced);
-    let placed = describe(&document.json["meshes"][scene.meshes[change.mesh as usize].source as usize]);
+    let placed = describe(&document.json["meshes"][change.mesh as usize]);
     if let Some(extras) = raykiln_extras(&mut document.json["nodes"][node]) {
         extras.clear();
         if !change.moved_to.is_empty() {
             extras.insert("moved_to".into(), json!(change.moved_to));
         }
         extras.insert("mesh".into(), placed);
+        if in_place && change.stand_in.is_some() {
+            extras.insert("source".into(), source);
+        }
     }
 }
 
+/// What nodes that show the triangles of a node stand for.
+fn source(document: &mut Document, node: usize, change: &Change, shared: &mut Shared) -> Value {
+    let mut source = json!({ "node": node });
+    if let Some(stand_in) = change.stand_in {
+        source["mesh"] = change.mesh.into();
+        if let Some(order) = &stand_in.order {
+            let accessor = shared.orders.entry(change.mesh);
+            source["runs"] = (*accessor.or_insert_with(|| push_runs(document, order.runs().as_flattened()))).into();
+        }
+    }
+    source
+}
+
+/// Whether a node can place what stands in for its mesh itself: nothing moves, and there is room to record it.
+fn fits_in_place(document: &Document, node: usize, change: &Change) -> bool {
+    let extras = document.json["nodes"][node].get("extras");
+    change.stand_in.is_none_or(|s| s.motion == DAffine3::IDENTITY && extras.is_none_or(Value::is_object))
+}
+
 /// A mesh of the primitives that are no triangles, if there are any.
-fn push_remainder(document: &mut Document, mesh: &Mesh) -> Option<usize> {
-    let mut rest = document.json["meshes"][mesh.source as usize].clone();
+fn push_remainder(document: &mut Document, mesh: usize) -> Option<usize> {
+    let mut rest = document.json["meshes"][mesh].clone();
     let is_surface = |p: &Value| matches!(p["mode"].as_u64(), None | Some(4..=6));
     rest["primitives"].as_array_mut()?.retain(|p| !is_surface(p));
     let empty = rest["primitives"].as_array()?.is_empty();
     (!empty).then(|| push(&mut document.json, "meshes", rest))
 }
 
-/// Hangs a node that places a piece under the node it is a piece of; returns its index.
-fn push_child(document: &mut Document, of: usize, name: &str, mesh: usize, copies: Option<&Value>) -> usize {
+/// A node that places a piece of the mesh of a node, or what stands in for it.
+fn child(document: &Document, of: usize, name: &str, mesh: usize, change: &Change, source: &Value) -> Value {
     let mut child = Map::new();
     if !name.is_empty() {
         child.insert("name".into(), name.into());
     }
     child.insert("mesh".into(), mesh.into());
-    if let Some(copies) = copies {
+    if let Some(stand_in) = change.stand_in {
+        insert_transform(&mut child, &stand_in.motion);
+    }
+    if let Some(copies) = document.json["nodes"][of]["extensions"].get(INSTANCING) {
         child.insert("extensions".into(), json!({ INSTANCING: copies }));
     }
-    child.insert("extras".into(), json!({ "raykiln": { "source": { "node": of } } }));
-    let index = push(&mut document.json, "nodes", child.into());
+    child.insert("extras".into(), json!({ "raykiln": { "source": source } }));
+    child.into()
+}
+
+/// Hangs a node under another; returns its index.
+fn push_child(document: &mut Document, of: usize, child: Value) -> usize {
+    let index = push(&mut document.json, "nodes", child);
     push(&mut document.json["nodes"][of], "children", index.into());
     index
 }

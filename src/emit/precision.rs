@@ -53,8 +53,8 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settl
 /// The largest distance, in world units, between a corner and its position stored in `frame`.
 fn largest_error(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3) -> f64 {
     let into = frame.inverse();
-    let error = |instance: u32, corner: glam::Vec3| {
-        let group_from_mesh = into * scene.instances[instance as usize].transform;
+    let error = |world_from_mesh: &DAffine3, corner: glam::Vec3| {
+        let group_from_mesh = into * *world_from_mesh;
         if group_from_mesh == DAffine3::IDENTITY {
             return 0.0;
         }
@@ -66,9 +66,10 @@ fn largest_error(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3) -
     geometries
         .par_iter()
         .flat_map(|g| g.triangles.par_iter())
-        .map(|at| {
-            let corners = scene.mesh_of(InstanceId(at.instance)).corners(at.triangle);
-            corners.into_iter().map(|c| error(at.instance, c)).fold(0.0, f64::max)
+        .map(|&at| {
+            let origin = scene.origin(at);
+            let corners = scene.meshes[origin.mesh.0 as usize].corners(origin.triangle);
+            corners.into_iter().map(|c| error(&origin.transform, c)).fold(0.0, f64::max)
         })
         .reduce(|| 0.0, f64::max)
 }

@@ -102,13 +102,18 @@ pub(super) fn remove_key(object: &mut Map<String, Value>, outer: &str, key: &str
     removed
 }
 
-fn provenance(document: &mut Document, sources: &[Source], runs: &[[u32; 3]]) -> Value {
-    let runs = document.push_accessor(NewAccessor {
-        data: bytemuck::cast_slice(runs).to_vec(),
+/// Adds an accessor of numbers; returns its index.
+pub(super) fn push_runs(document: &mut Document, numbers: &[u32]) -> usize {
+    document.push_accessor(NewAccessor {
+        data: bytemuck::cast_slice(numbers).to_vec(),
         element: Element { component: Component::U32, components: 1, normalized: false },
         target: Target::Other,
         bounds: false,
-    });
+    })
+}
+
+fn provenance(document: &mut Document, sources: &[Source], runs: &[[u32; 3]]) -> Value {
+    let runs = push_runs(document, runs.as_flattened());
     let sources: Vec<Value> = sources.iter().map(|s| json!([s.node, s.copy, s.mesh, s.primitive])).collect();
     json!({ "sources": sources, "runs": runs })
 }

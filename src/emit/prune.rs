@@ -91,7 +91,11 @@ fn record_numbers(json: &mut Value, renumbered: &[Option<usize>]) {
     for (old, (node, new)) in elements(json, "nodes").zip(renumbered).enumerate() {
         let moves = new.is_some_and(|new| new != old) && node.get("mesh").is_some();
         if let Some(raykiln) = moves.then(|| raykiln_extras(node)).flatten() {
-            raykiln.insert("source".into(), json!({ "node": old }));
+            // A node that places a copy says of which mesh, too.
+            match raykiln.get_mut("source").and_then(Value::as_object_mut) {
+                Some(source) => drop(source.insert("node".into(), old.into())),
+                None => drop(raykiln.insert("source".into(), json!({ "node": old }))),
+            }
         }
     }
 }

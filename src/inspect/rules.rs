@@ -177,6 +177,8 @@ mod tests {
             name: String::new(),
             node: i as u32,
             source_node: i as u32,
+            source_copy: None,
+            stand_in: None,
             copy: 0,
             mesh: MeshId(i as u32),
             transform: *t,

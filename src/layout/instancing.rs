@@ -46,7 +46,7 @@ pub(super) fn bake_within_limits(scene: &Scene, options: &Options, method: impl 
     let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
     let within_memory = prefix(&candidates, |sum| sum.fits_memory());
     let mut chosen = prefix(&candidates[..within_memory], |sum| {
-        sum.extra_bytes == 0 || (input_bytes(scene).saturating_add(sum.extra_bytes)) as f64 <= most_bytes
+        sum.extra_bytes == 0 || (placed_bytes(scene).saturating_add(sum.extra_bytes)) as f64 <= most_bytes
     });
     loop {
         let mut layout = method(&select(scene, &candidates[..chosen]));
@@ -156,9 +156,21 @@ fn select(scene: &Scene, chosen: &[Candidate]) -> Selection {
     Selection { baked }
 }
 
+/// Predicted bytes of the scene as the document has it, with the meshes for which others stand in.
 fn input_bytes(scene: &Scene) -> u64 {
-    let blas = |sum: u64, triangles| sum.saturating_add(bytes::blas(triangles as u64));
-    let blases = scene.meshes.iter().map(|m| m.triangle_count()).fold(0, blas);
+    bytes_of(scene, |_| true)
+}
+
+/// Predicted bytes of the scene as its instances place it.
+fn placed_bytes(scene: &Scene) -> u64 {
+    let mut placed = vec![false; scene.meshes.len()];
+    scene.instances.iter().for_each(|i| placed[i.mesh.0 as usize] = true);
+    bytes_of(scene, |mesh| placed[mesh])
+}
+
+fn bytes_of(scene: &Scene, counts: impl Fn(usize) -> bool) -> u64 {
+    let meshes = scene.meshes.iter().enumerate().filter(|(i, _)| counts(*i));
+    let blases = meshes.map(|(_, m)| bytes::blas(m.triangle_count() as u64)).fold(0, u64::saturating_add);
     blases.saturating_add(bytes::tlas(scene.instances.len() as u64))
 }
 

@@ -183,23 +183,17 @@ fn instances(
             instances.push(Instance {
                 name: name.clone(),
                 node: s.node as u32,
-                source_node: source_node(doc, s.node),
+                source_node: node.source.as_ref().map_or(s.node as u32, |source| source.node),
+                source_copy: node.source.as_ref().and_then(|source| source.copy_of.clone()),
                 copy: copy as u32,
                 mesh,
                 transform,
+                stand_in: None,
                 pinned: s.pinned.or_else(|| instance_pin(contents, node, source)).or(singular),
             });
         }
     }
     Ok(instances)
-}
-
-/// The node of the input for which a node of a bake's output stands, else the node itself.
-fn source_node(doc: &Document, node: usize) -> u32 {
-    doc.json["nodes"][node]["extras"]["raykiln"]["source"]["node"]
-        .as_u64()
-        .and_then(|n| u32::try_from(n).ok())
-        .unwrap_or(node as u32)
 }
 
 /// Whether a device, which inverts the transform in single precision, cannot trace into the instance: the axes span

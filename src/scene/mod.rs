@@ -4,6 +4,7 @@ mod alpha;
 pub mod bounds;
 mod check;
 mod load;
+mod stand_in;
 
 pub use alpha::{AlphaTest, AlphaTexture, Image, Wrap};
 pub use bounds::Bounds;
@@ -11,7 +12,8 @@ pub use check::Broken;
 pub use load::{LoadOptions, load};
 
 use glam::{DAffine3, DVec3, Vec3};
-pub use raykiln_formats::contents::{Camera, Opacity, Source};
+pub use raykiln_formats::contents::{Camera, CopyOf, Opacity, Source, TriangleOrder};
+pub use stand_in::{Origin, StandIn};
 
 /// Index into [`Scene::meshes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -24,7 +26,8 @@ pub struct InstanceId(pub u32);
 /// Triangles placed by instances of mesh groups, as the default scene of a document shows them.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Mesh groups with at least one triangle that an instance of the default scene places.
+    /// Mesh groups with at least one triangle that an instance of the default scene places, or placed before another
+    /// mesh stood in for it, in the order of the document.
     pub meshes: Vec<Mesh>,
     /// Their placements: the TLAS entries, in depth-first order of the node hierarchy.
     pub instances: Vec<Instance>,
@@ -87,12 +90,17 @@ pub struct Instance {
     /// Node of the input this instance stands for: `extras.raykiln.source.node` of the node where present (a bake's
     /// output), else `node`.
     pub source_node: u32,
+    /// The mesh of the input this instance stands for, where it places a copy of that mesh: the rest of
+    /// `extras.raykiln.source` (a bake's output).
+    pub source_copy: Option<CopyOf>,
     /// Copy within the node (`EXT_mesh_gpu_instancing`), else 0.
     pub copy: u32,
     /// What is placed.
     pub mesh: MeshId,
     /// World from mesh, finite.
     pub transform: DAffine3,
+    /// What `mesh` stands in for, where the document's node places another mesh, of which it is a copy.
+    pub stand_in: Option<StandIn>,
     /// Why the instance must stay as it is; `None` if it need not.
     pub pinned: Option<Pinned>,
 }

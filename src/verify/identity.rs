@@ -4,18 +4,21 @@ use std::ops::Range;
 
 use raykiln_formats::contents::{Provenance, Source};
 
-use crate::scene::{Geometry, Instance, InstanceId, Scene, TriangleRef};
+use crate::scene::{CopyOf, Geometry, Instance, InstanceId, Scene, TriangleRef};
 
 /// Leads from the placed triangles of a file (`after`) to those of the file it was made from (`before`).
 ///
 /// A geometry with provenance says so itself; one without stands for itself: same node, copy, mesh, primitive and
-/// triangle. Provenance that makes no sense leads nowhere. A file equal to its input in all its provenance is the
+/// triangle. An instance that places a copy says of which mesh, and leads from the copy's triangles to that mesh's.
+/// Provenance that makes no sense leads nowhere. A file equal to its input in all its provenance is the
 /// input, so that what it says is about another, earlier one, and every triangle stands for itself.
 pub struct Identity<'a> {
     before: &'a Scene,
     after: &'a Scene,
     /// Instances of `before` by node and copy, sorted.
     placed: Vec<(u32, u32, u32)>,
+    /// Meshes of `before` by their index in its file, sorted.
+    meshes: Vec<(u32, u32)>,
     /// For each mesh of `after` and each of its geometries the first triangle of every run.
     starts: Vec<Vec<Vec<u64>>>,
     unchanged: bool,
@@ -26,6 +29,8 @@ pub struct Identity<'a> {
 struct Piece<'a> {
     instance: u32,
     geometry: &'a Geometry,
+    /// Where the instance places a mesh of which the geometry is part of a copy: that mesh, and its number of triangles.
+    copy: Option<(&'a CopyOf, u32)>,
 }
 
 impl<'a> Identity<'a> {
@@ -33,8 +38,10 @@ impl<'a> Identity<'a> {
     pub fn new(before: &'a Scene, after: &'a Scene) -> Self {
         let mut placed: Vec<_> = (0u32..).zip(&before.instances).map(|(i, at)| (at.node, at.copy, i)).collect();
         placed.sort_unstable();
+        let mut meshes: Vec<_> = (0u32..).zip(&before.meshes).map(|(i, mesh)| (mesh.source, i)).collect();
+        meshes.sort_unstable();
         let starts = after.meshes.iter().map(|m| m.geometries.iter().map(run_starts).collect()).collect();
-        Identity { before, after, placed, starts, unchanged: is_unchanged(before, after) }
+        Identity { before, after, placed, meshes, starts, unchanged: is_unchanged(before, after) }
     }
 
     /// The scenes it leads to and from: `before` and `after`.
@@ -108,21 +115,47 @@ impl<'a> Identity<'a> {
     }
 
     /// The primitive of `before` that a geometry without runs is.
-    fn whole(&self, placing: &Instance, of: &Geometry) -> Option<Piece<'a>> {
+    fn whole(&self, placing: &'a Instance, of: &Geometry) -> Option<Piece<'a>> {
         let own = (self.after.meshes[placing.mesh.0 as usize].source, of.primitive);
         let (mesh, primitive) = match of.provenance {
             Some(Provenance::Same { mesh, primitive }) if !self.unchanged => (mesh, primitive),
             _ => own,
         };
-        self.piece(self.stands_for(placing), placing.copy, mesh, primitive)
+        self.placed_piece(placing, mesh, primitive)
     }
 
     /// The primitive of `before` that runs of a source come from.
-    fn run_source(&self, placing: &Instance, source: &Source) -> Option<Piece<'a>> {
+    fn run_source(&self, placing: &'a Instance, source: &Source) -> Option<Piece<'a>> {
         match source.node {
             Some(node) => self.piece(node, source.copy, source.mesh, source.primitive),
-            None => self.piece(self.stands_for(placing), placing.copy, source.mesh, source.primitive),
+            None => self.placed_piece(placing, source.mesh, source.primitive),
         }
+    }
+
+    /// A primitive of `before` as an instance of `after` places it or a copy of it.
+    fn placed_piece(&self, placing: &'a Instance, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
+        let node = self.stands_for(placing);
+        match placing.source_copy.as_ref().filter(|_| !self.unchanged) {
+            Some(of) => self.copied_piece(node, placing.copy, of, mesh, primitive),
+            None => self.piece(node, placing.copy, mesh, primitive),
+        }
+    }
+
+    /// A primitive of a mesh of `before` of which a copy of another mesh is made, which is placed there.
+    fn copied_piece(&self, node: u32, copy: u32, of: &'a CopyOf, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
+        let instance = self.instance(node, copy)?;
+        let placed = self.before.mesh_of(InstanceId(instance));
+        let at = self.meshes.binary_search_by_key(&mesh, |&(source, _)| source).ok()?;
+        let model = &self.before.meshes[self.meshes[at].1 as usize];
+        let geometry = model.geometries.binary_search_by_key(&primitive, |g| g.primitive).ok()?;
+        let copy = Some((of, placed.triangle_count() as u32));
+        (placed.source == of.mesh).then_some(Piece { instance, geometry: &model.geometries[geometry], copy })
+    }
+
+    /// The instance of `before` that a copy of a node is.
+    fn instance(&self, node: u32, copy: u32) -> Option<u32> {
+        let at = self.placed.binary_search_by_key(&(node, copy), |&(node, copy, _)| (node, copy)).ok()?;
+        Some(self.placed[at].2)
     }
 
     /// The node of `before` that an instance of `after` stands for.
@@ -131,11 +164,10 @@ impl<'a> Identity<'a> {
     }
 
     fn piece(&self, node: u32, copy: u32, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
-        let at = self.placed.binary_search_by_key(&(node, copy), |&(node, copy, _)| (node, copy)).ok()?;
-        let instance = self.placed[at].2;
+        let instance = self.instance(node, copy)?;
         let of = self.before.mesh_of(InstanceId(instance));
         let geometry = of.geometries.binary_search_by_key(&primitive, |g| g.primitive).ok()?;
-        (of.source == mesh).then_some(Piece { instance, geometry: &of.geometries[geometry] })
+        (of.source == mesh).then_some(Piece { instance, geometry: &of.geometries[geometry], copy: None })
     }
 }
 
@@ -146,8 +178,17 @@ impl Piece<'_> {
             Some(kept) => kept.binary_search(&in_file).ok()? as u32,
             None => in_file,
         };
-        let exists = (triangle as usize) < self.geometry.triangles.len();
-        exists.then(|| TriangleRef { instance: self.instance, triangle: self.geometry.first_triangle + triangle })
+        if triangle as usize >= self.geometry.triangles.len() {
+            return None;
+        }
+        let triangle = self.geometry.first_triangle + triangle;
+        let triangle = match self.copy {
+            None => triangle,
+            Some((of, count)) => {
+                of.order.as_ref().map_or(Some(triangle), |order| order.triangle(triangle)).filter(|&t| t < count)?
+            }
+        };
+        Some(TriangleRef { instance: self.instance, triangle })
     }
 }
 
@@ -216,7 +257,10 @@ fn is_unchanged(before: &Scene, after: &Scene) -> bool {
             .instances
             .iter()
             .zip(&after.instances)
-            .all(|(a, b)| (a.node, a.source_node, a.copy, a.mesh) == (b.node, b.source_node, b.copy, b.mesh));
+            .all(|(a, b)| {
+                (a.node, a.source_node, a.copy, a.mesh, &a.source_copy)
+                    == (b.node, b.source_node, b.copy, b.mesh, &b.source_copy)
+            });
     let same_geometry = |(a, b): (&Geometry, &Geometry)| a.primitive == b.primitive && a.provenance == b.provenance;
     same_instances
         && before.meshes.len() == after.meshes.len()

@@ -38,6 +38,8 @@ pub(super) fn instance(node: u32, mesh: u32, transform: DAffine3) -> Instance {
         name: format!("node {node}"),
         node,
         source_node: node,
+        source_copy: None,
+        stand_in: None,
         copy: 0,
         mesh: MeshId(mesh),
         transform,

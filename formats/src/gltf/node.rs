@@ -5,6 +5,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use super::accessor::Accessor;
 use super::extensions::{self, GPU_INSTANCING};
 use super::json::At;
+use super::provenance::NodeSources;
 use crate::contents::Node;
 use crate::document::{Component, Document};
 use crate::{Error, Warning};
@@ -13,8 +14,9 @@ use crate::{Error, Warning};
 pub(super) fn nodes(doc: &Document, warnings: &mut Vec<Warning>) -> Result<Vec<Node>, Error> {
     let root = At::root(doc);
     let mut nodes = Vec::new();
+    let mut sources = NodeSources::new(doc);
     for at in root.list("nodes")? {
-        nodes.push(node(doc, &at, warnings)?);
+        nodes.push(Node { source: sources.of(&at, warnings), ..node(doc, &at, warnings)? });
     }
     link_parents(&root, &mut nodes)?;
     check_acyclic(&root, &nodes)?;
@@ -39,6 +41,7 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
         animated: false,
         in_other_scene: false,
         unknown_extensions: names.filter(|n| !extensions::is_harmless_on_nodes(n)).cloned().collect(),
+        source: None,
     })
 }
 

@@ -1,11 +1,14 @@
-//! What an earlier bake recorded in `extras.raykiln` of a primitive.
+//! What an earlier bake recorded in `extras.raykiln` of primitives and nodes.
+
+use std::collections::HashMap;
+use std::sync::Arc;
 
 use serde_json::Value;
 
 use super::attributes::scalars;
 use super::json::{At, unsigned};
-use crate::Document;
-use crate::contents::{Provenance, Source};
+use crate::contents::{CopyOf, NodeSource, Provenance, Source, TriangleOrder};
+use crate::{Document, Warning};
 
 /// The provenance of a primitive with `triangles` triangles in the file.
 ///
@@ -24,6 +27,46 @@ pub(super) fn provenance(doc: &Document, primitive: &At<'_>, triangles: usize) -
     let numbers = scalars(doc, accessor).ok_or("\"runs\" is no sound accessor of unsigned integers")?;
     let runs = runs(&numbers, sources.len(), triangles)?;
     Ok(Some(Provenance::Runs { sources, runs }))
+}
+
+/// Reads what nodes stand for. Nodes that name one accessor share what it holds, however many they are.
+pub(super) struct NodeSources<'d> {
+    doc: &'d Document,
+    orders: HashMap<usize, Option<Arc<TriangleOrder>>>,
+}
+
+impl<'d> NodeSources<'d> {
+    pub(super) fn new(doc: &'d Document) -> Self {
+        NodeSources { doc, orders: HashMap::new() }
+    }
+
+    /// What a node stands for; a copy whose record cannot be used is reported and left out.
+    pub(super) fn of(&mut self, node: &At<'_>, warnings: &mut Vec<Warning>) -> Option<NodeSource> {
+        let source = node.get("extras")?.get("raykiln")?.get("source")?;
+        let number = small(source.get("node")?.value)?;
+        let copy_of = self.copy_of(&source).unwrap_or_else(|cause| {
+            warnings.push(node.warning(format_args!("the record of an earlier bake is ignored: {cause}")));
+            None
+        });
+        Some(NodeSource { node: number, copy_of })
+    }
+
+    fn copy_of(&mut self, source: &At<'_>) -> Result<Option<CopyOf>, &'static str> {
+        let Some(mesh) = source.get("mesh") else { return Ok(None) };
+        let mesh = small(mesh.value).ok_or("\"mesh\" is malformed")?;
+        let Some(runs) = source.get("runs") else { return Ok(Some(CopyOf { mesh, order: None })) };
+        let accessor = unsigned(runs.value).ok_or("\"runs\" is malformed")?;
+        let doc = self.doc;
+        let order = self.orders.entry(accessor).or_insert_with(|| order(doc, accessor).map(Arc::new)).clone();
+        let order = order.ok_or("\"runs\" is no sound accessor of pairs of unsigned integers")?;
+        Ok(Some(CopyOf { mesh, order: Some(order) }))
+    }
+}
+
+fn order(doc: &Document, accessor: usize) -> Option<TriangleOrder> {
+    let numbers = scalars(doc, accessor)?;
+    let (runs, []) = numbers.as_chunks::<2>() else { return None };
+    TriangleOrder::new(runs.to_vec())
 }
 
 fn same(source: &At<'_>) -> Option<Provenance> {

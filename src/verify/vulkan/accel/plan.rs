@@ -181,6 +181,8 @@ mod tests {
             name: String::new(),
             node: 0,
             source_node: 0,
+            source_copy: None,
+            stand_in: None,
             copy: 0,
             mesh: MeshId(mesh),
             transform,

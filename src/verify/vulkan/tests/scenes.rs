@@ -68,6 +68,8 @@ pub(super) fn scene(meshes: Vec<Mesh>, placed: impl IntoIterator<Item = (u32, DA
         name: String::new(),
         node: 0,
         source_node: 0,
+        source_copy: None,
+        stand_in: None,
         copy: 0,
         mesh: MeshId(mesh),
         transform,

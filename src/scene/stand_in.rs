@@ -1,0 +1,57 @@
+//! Meshes that stand in for their copies.
+
+use std::sync::Arc;
+
+use glam::DAffine3;
+
+use super::{InstanceId, MeshId, Scene, TriangleOrder, TriangleRef};
+
+/// What an instance stands for whose mesh stands in for the one that its node places in the document.
+#[derive(Clone, Debug)]
+pub struct StandIn {
+    /// The mesh that the node places in the document.
+    pub copy: MeshId,
+    /// `copy` from the mesh placed: turned, moved, uniformly scaled, perhaps mirrored; each coefficient is exactly a
+    /// 32-bit float.
+    pub motion: DAffine3,
+    /// World from `copy`.
+    pub transform: DAffine3,
+    /// Which triangle of `copy` each triangle of the mesh placed is; `None` where both are in the same order.
+    pub order: Option<Arc<TriangleOrder>>,
+}
+
+/// Where a triangle is in the document.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Origin {
+    /// The mesh that its node places.
+    pub mesh: MeshId,
+    /// Triangle of that mesh.
+    pub triangle: u32,
+    /// World from that mesh.
+    pub transform: DAffine3,
+}
+
+impl Scene {
+    /// Where a placed triangle is in the document: another mesh than the one placed where that stands in for it.
+    ///
+    /// # Panics
+    /// If there is no such triangle, or an order of triangles is broken.
+    pub fn origin(&self, at: TriangleRef) -> Origin {
+        let instance = &self.instances[at.instance as usize];
+        let Some(stand_in) = &instance.stand_in else {
+            return Origin { mesh: instance.mesh, triangle: at.triangle, transform: instance.transform };
+        };
+        let triangle = match &stand_in.order {
+            Some(order) => order.triangle(at.triangle).expect("an order names every triangle"),
+            None => at.triangle,
+        };
+        Origin { mesh: stand_in.copy, triangle, transform: stand_in.transform }
+    }
+
+    /// Index in the document of the mesh that an instance's node places.
+    pub fn document_mesh(&self, instance: InstanceId) -> u32 {
+        let instance = &self.instances[instance.0 as usize];
+        let mesh = instance.stand_in.as_ref().map_or(instance.mesh, |s| s.copy);
+        self.meshes[mesh.0 as usize].source
+    }
+}
