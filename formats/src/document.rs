@@ -98,6 +98,37 @@ pub struct Attribute<'a> {
     pub data: Cow<'a, [u8]>,
 }
 
+impl Attribute<'_> {
+    /// The bytes of an element.
+    ///
+    /// # Panics
+    /// If there is no such element.
+    pub fn bytes(&self, index: u32) -> &[u8] {
+        &self.data[index as usize * self.stride..][..self.element.size()]
+    }
+
+    /// The components of an element as numbers; missing ones are 0, a missing fourth is 1.
+    ///
+    /// # Panics
+    /// If there is no such element.
+    pub fn numbers(&self, index: u32) -> [f64; 4] {
+        let Element { component, components, normalized } = self.element;
+        let mut values = [0.0, 0.0, 0.0, 1.0];
+        for (value, raw) in values.iter_mut().zip(self.bytes(index).chunks_exact(component.size())).take(components) {
+            let (number, largest) = match component {
+                Component::I8 => (f64::from(raw[0] as i8), 127.0),
+                Component::U8 => (f64::from(raw[0]), 255.0),
+                Component::I16 => (f64::from(i16::from_le_bytes([raw[0], raw[1]])), 32_767.0),
+                Component::U16 => (f64::from(u16::from_le_bytes([raw[0], raw[1]])), 65_535.0),
+                Component::U32 => (f64::from(u32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])), 1.0),
+                Component::F32 => (f64::from(f32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])), 1.0),
+            };
+            *value = if normalized { (number / largest).max(-1.0) } else { number };
+        }
+        values
+    }
+}
+
 /// What a buffer view is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {

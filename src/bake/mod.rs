@@ -1,11 +1,13 @@
 //! The pipeline of a bake: read, analyse, choose, write, verify, keep the file, report.
 
 mod clock;
+mod copies;
 
 use std::path::Path;
 use std::time::Instant;
 
 pub use clock::Stage;
+pub use copies::FindCopies;
 
 use raykiln_formats::document::Staged;
 use raykiln_formats::{Document, Warning};
@@ -25,6 +27,8 @@ use clock::Clock;
 pub struct BakeOptions {
     /// How the layout is chosen.
     pub choose: ChooseOptions,
+    /// Whether meshes that are copies of others become instances of them.
+    pub copies: FindCopies,
     /// How the input is read.
     pub load: LoadOptions,
     /// Drop empty nodes nobody refers to.
@@ -69,7 +73,8 @@ pub fn bake(
     let before = measure_as_is(&scene);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
-    let mut chosen = choose::choose(&mut scene, &before, &machine, &options.choose, &options.verify);
+    let (shared, copies) = copies::share(&doc, &mut scene, &before, options);
+    let mut chosen = choose::choose(&mut scene, &shared, &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
     let stage = |layout: &Layout, clock: &mut Clock| -> Result<_, BakeError> {
         clock.enter(Stage::Write);
@@ -98,7 +103,7 @@ pub fn bake(
         verdict,
         method: chosen.report.with_written(&after, verification.position_error_ratio, seconds),
         after,
-        passes: [chosen.passes, written.passes].concat(),
+        passes: copies.into_iter().chain(chosen.passes).chain(written.passes).collect(),
         verify: verification,
         seconds: Seconds::default(),
         peak_memory_bytes: None,

@@ -6,11 +6,12 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::bake::BakeOptions;
+use crate::bake::{BakeOptions, FindCopies};
 use crate::choose::model::Class;
 use crate::choose::plans::Effort;
 use crate::choose::{Choice, ChooseOptions};
 use crate::compare::MatchBy;
+use crate::copies::Likeness;
 use crate::layout::{self, Method};
 use crate::scene::LoadOptions;
 use crate::verify::build::{BlasPer, BuildOptions, Prefer};
@@ -126,6 +127,10 @@ pub(super) struct BakeArguments {
     /// Drop empty nodes that nothing refers to
     #[arg(long)]
     prune: bool,
+    /// Which meshes become instances of another that they are a copy of
+    /// [default: rigid for auto and per-object, off otherwise]
+    #[arg(long, value_enum, value_name = "LIKENESS")]
+    copies: Option<CopiesArgument>,
     #[command(flatten)]
     layout: LayoutArguments,
     #[command(flatten)]
@@ -219,6 +224,26 @@ pub(super) enum MatchArgument {
     Identity,
     /// Not at all: only what rays see is compared
     Surface,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum CopiesArgument {
+    /// Those with the same coordinates and attributes, triangles and vertices in any order
+    Exact,
+    /// Also those turned, moved, uniformly scaled or mirrored
+    Rigid,
+    /// None
+    Off,
+}
+
+impl From<CopiesArgument> for FindCopies {
+    fn from(argument: CopiesArgument) -> FindCopies {
+        match argument {
+            CopiesArgument::Exact => FindCopies::Always(Likeness::Exact),
+            CopiesArgument::Rigid => FindCopies::Always(Likeness::Rigid),
+            CopiesArgument::Off => FindCopies::Off,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -345,6 +370,7 @@ impl BakeArguments {
                     ..layout::Options::default()
                 },
             },
+            copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),
             load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
             prune: self.prune,
             verify: self.verify.options(),

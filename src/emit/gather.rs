@@ -260,7 +260,7 @@ impl<'a> Vertices<'a> {
         let element = same[0].element;
         let mut data = Vec::with_capacity(self.list.len() * element.size());
         for &(part, vertex) in &self.list {
-            data.extend_from_slice(bytes_of(same[part as usize], vertex));
+            data.extend_from_slice(same[part as usize].bytes(vertex));
         }
         let bounds = same[0].name == "POSITION";
         NewAccessor { data, element, target: Target::Vertices, bounds }
@@ -296,7 +296,7 @@ impl<'a> Vertices<'a> {
         let mut data = Vec::with_capacity(self.list.len() * if sided { 16 } else { 12 });
         for &(part, vertex) in &self.list {
             let transform = self.parts[part as usize].transform.as_ref();
-            let [x, y, z, side] = decoded(same[part as usize], vertex);
+            let [x, y, z, side] = same[part as usize].numbers(vertex);
             let direction = DVec3::new(x, y, z);
             let turned = transform.map_or(Some(direction), |t| unit(turn(t, direction))).unwrap_or(direction);
             data.extend_from_slice(bytemuck::bytes_of(&turned.as_vec3()));
@@ -320,31 +320,8 @@ fn find<'a, 'b>(list: &'b [Attribute<'a>], likely: usize, name: &str) -> &'b Att
         .expect("primitives of one merge class have the same attributes")
 }
 
-fn bytes_of<'b>(attribute: &'b Attribute, vertex: u32) -> &'b [u8] {
-    &attribute.data[vertex as usize * attribute.stride..][..attribute.element.size()]
-}
-
 /// The unit vector of a direction, whatever its length; `None` for zero and for what is not finite.
 fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     (largest > 0.0 && v.is_finite()).then(|| (v / largest).normalize())
-}
-
-/// The components of an element as numbers; missing ones are 0, a missing fourth is 1.
-fn decoded(attribute: &Attribute, vertex: u32) -> [f64; 4] {
-    let Element { component, components, normalized } = attribute.element;
-    let bytes = bytes_of(attribute, vertex);
-    let mut values = [0.0, 0.0, 0.0, 1.0];
-    for (value, raw) in values.iter_mut().zip(bytes.chunks_exact(component.size())).take(components) {
-        let (number, largest) = match component {
-            Component::I8 => (f64::from(raw[0] as i8), 127.0),
-            Component::U8 => (f64::from(raw[0]), 255.0),
-            Component::I16 => (f64::from(i16::from_le_bytes([raw[0], raw[1]])), 32_767.0),
-            Component::U16 => (f64::from(u16::from_le_bytes([raw[0], raw[1]])), 65_535.0),
-            Component::U32 => (f64::from(u32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])), 1.0),
-            Component::F32 => (f64::from(f32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])), 1.0),
-        };
-        *value = if normalized { (number / largest).max(-1.0) } else { number };
-    }
-    values
 }

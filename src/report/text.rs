@@ -322,7 +322,7 @@ fn grouped(number: u64) -> String {
 }
 
 /// A size in binary units.
-fn bytes(size: u64) -> String {
+pub(crate) fn bytes(size: u64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut value = size as f64;
     let mut unit = 0;

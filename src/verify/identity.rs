@@ -253,14 +253,10 @@ fn run_of(starts: &[u64], in_file: u64, hint: usize) -> Option<usize> {
 /// Whether two files place the same primitives with the same provenance.
 fn is_unchanged(before: &Scene, after: &Scene) -> bool {
     let same_instances = before.instances.len() == after.instances.len()
-        && before
-            .instances
-            .iter()
-            .zip(&after.instances)
-            .all(|(a, b)| {
-                (a.node, a.source_node, a.copy, a.mesh, &a.source_copy)
-                    == (b.node, b.source_node, b.copy, b.mesh, &b.source_copy)
-            });
+        && before.instances.iter().zip(&after.instances).all(|(a, b)| {
+            (a.node, a.source_node, a.copy, a.mesh, &a.source_copy)
+                == (b.node, b.source_node, b.copy, b.mesh, &b.source_copy)
+        });
     let same_geometry = |(a, b): (&Geometry, &Geometry)| a.primitive == b.primitive && a.provenance == b.provenance;
     same_instances
         && before.meshes.len() == after.meshes.len()

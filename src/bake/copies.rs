@@ -1,0 +1,107 @@
+//! The pass "find copies": meshes that are copies of others become instances of them.
+
+use std::collections::BTreeSet;
+use std::time::Instant;
+
+use raykiln_formats::Document;
+use serde_json::Value;
+
+use super::{BakeOptions, measure_as_is};
+use crate::choose::Choice;
+use crate::copies::{self, Copies, Likeness};
+use crate::cost::Metrics;
+use crate::layout::Method;
+use crate::report::Pass;
+use crate::report::text::bytes;
+use crate::scene::Scene;
+
+/// Whether copies are looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FindCopies {
+    /// For the methods that keep instances: `auto` and `per-object`.
+    #[default]
+    ByMethod,
+    /// Whatever the method.
+    Always(Likeness),
+    /// Never.
+    Off,
+}
+
+impl FindCopies {
+    fn likeness(self, method: Choice) -> Option<Likeness> {
+        match (self, method) {
+            (FindCopies::Off, _) => None,
+            (FindCopies::Always(likeness), _) => Some(likeness),
+            (FindCopies::ByMethod, Choice::Auto | Choice::Method(Method::PerObject)) => Some(Likeness::Rigid),
+            (FindCopies::ByMethod, Choice::Method(_)) => None,
+        }
+    }
+}
+
+/// Predicted cost that sharing may add, over the input's: what it saves is memory.
+const MOST_COST_RATIO: f64 = 1.01;
+
+/// Lets meshes stand in for their copies, unless their looser boxes cost too much. Returns the metrics of the scene
+/// with them, and what was done; nothing where the options leave the pass out.
+pub(super) fn share(
+    doc: &Document,
+    scene: &mut Scene,
+    before: &Metrics,
+    options: &BakeOptions,
+) -> (Metrics, Option<Pass>) {
+    let start = Instant::now();
+    let Some(likeness) = options.copies.likeness(options.choose.method) else { return (before.clone(), None) };
+    let limits = copies::Options { likeness, max_position_error_ratio: options.verify.max_position_error_ratio };
+    let found = copies::find(doc, scene, &limits);
+    let (metrics, applied, reason) = match found.list.as_slice() {
+        [] => (before.clone(), false, "no two meshes are alike".to_owned()),
+        _ => apply(doc, scene, before, &found),
+    };
+    (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
+}
+
+fn apply(doc: &Document, scene: &mut Scene, before: &Metrics, found: &Copies) -> (Metrics, bool, String) {
+    let [copies, models] = [found.list.len(), found.models()];
+    let words = match copies {
+        1 => "1 mesh is a copy of another".to_owned(),
+        _ => format!("{copies} meshes are copies of {models}"),
+    };
+    copies::apply(scene, found);
+    let metrics = measure_as_is(scene);
+    if metrics.two_level_cost > MOST_COST_RATIO * before.two_level_cost {
+        copies::undo(scene);
+        let (with, without) = (metrics.two_level_cost, before.two_level_cost);
+        let reason = format!("{words}, but turned boxes are looser: predicted cost {with:.2} against {without:.2}");
+        return (before.clone(), false, reason);
+    }
+    (metrics, true, format!("{words}; {} saved", bytes(stored_bytes(doc, scene, found))))
+}
+
+/// Bytes of the accessors that only the copies' meshes use.
+fn stored_bytes(doc: &Document, scene: &Scene, found: &Copies) -> u64 {
+    let copies: BTreeSet<u64> = found.list.iter().map(|c| u64::from(scene.meshes[c.mesh.0 as usize].source)).collect();
+    let (mut dropped, mut kept) = (BTreeSet::new(), BTreeSet::new());
+    for (mesh, number) in doc.json["meshes"].as_array().into_iter().flatten().zip(0..) {
+        let users = if copies.contains(&number) { &mut dropped } else { &mut kept };
+        for primitive in mesh["primitives"].as_array().into_iter().flatten() {
+            let attributes = primitive["attributes"].as_object().into_iter().flat_map(|a| a.values());
+            users.extend(attributes.chain(primitive.get("indices")).filter_map(Value::as_u64));
+        }
+    }
+    dropped.difference(&kept).map(|&accessor| accessor_bytes(&doc.json["accessors"][accessor as usize])).sum()
+}
+
+fn accessor_bytes(accessor: &Value) -> u64 {
+    let components = match accessor["type"].as_str() {
+        Some("SCALAR") => 1,
+        Some("VEC2") => 2,
+        Some("VEC3") => 3,
+        _ => 4,
+    };
+    let size = match accessor["componentType"].as_u64() {
+        Some(5120 | 5121) => 1,
+        Some(5122 | 5123) => 2,
+        _ => 4,
+    };
+    accessor["count"].as_u64().unwrap_or(0).saturating_mul(components * size)
+}

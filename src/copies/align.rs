@@ -1,0 +1,133 @@
+//! Whether a mesh is a copy of another, decided for every vertex and triangle.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::anchors;
+use super::fit::{rounded, similarity, snapped};
+use super::grid::{Budget, Grid, Pair};
+use super::shape::Shape;
+
+/// Anchors are off by the tolerance, and what they fix by some times as much.
+const ANCHOR_ERROR: f64 = 8.0;
+
+/// Triangles compared for a pair of meshes, over their triangles, and for any pair: beyond it they are no copies.
+const WORK: [u64; 2] = [400, 1_000_000];
+
+/// How a mesh is a copy of another.
+pub(super) struct Alignment {
+    /// Copy from model; each coefficient is exactly a 32-bit float.
+    pub(super) motion: DAffine3,
+    /// For each triangle of the model the copy's.
+    pub(super) triangles: Vec<u32>,
+}
+
+/// Two meshes of as many triangles, and how far corners of the copy may be off.
+struct Task<'a> {
+    model: &'a Shape<'a>,
+    copy: &'a Shape<'a>,
+    tolerance: f64,
+    /// Whether the copy may be moved.
+    moves: bool,
+}
+
+/// How `copy` is a copy of `model`, if it is one: with triangles in the same order, else in any.
+pub(super) fn align(model: &Shape, copy: &Shape, tolerance: f64, moves: bool) -> Option<Alignment> {
+    let task = Task { model, copy, tolerance, moves };
+    if model.corners.len() != copy.corners.len() || model.properties != copy.properties {
+        return None;
+    }
+    task.in_order().or_else(|| task.reordered())
+}
+
+impl Task<'_> {
+    /// With triangles in the same order; in mirrored ones the corners run the other way, from any of them.
+    fn in_order(&self) -> Option<Alignment> {
+        let hypotheses = [(false, 0), (true, 0), (true, 1), (true, 2)];
+        let considered = if self.moves { &hypotheses[..] } else { &hypotheses[..1] };
+        considered.iter().find_map(|&(mirrored, turn)| {
+            let order = Pair { triangle: 0, turn }.corners(mirrored);
+            let same = |(a, b): (&[u64; 3], &[u64; 3])| (0..3).all(|i| a[i] == b[order[i]]);
+            if !self.model.keys.iter().zip(&self.copy.keys).all(same) {
+                return None;
+            }
+            let pairs = (0..self.model.corners.len() as u32).map(|triangle| Pair { triangle, turn }).collect();
+            self.settle(pairs, mirrored)
+        })
+    }
+
+    /// With triangles in any order.
+    fn reordered(&self) -> Option<Alignment> {
+        let (model, copy) = (self.model, self.copy);
+        if !(model.spread > 0.0 && copy.spread > 0.0) {
+            return None;
+        }
+        let count = model.corners.len() as u64;
+        let mut budget = Budget(WORK[0].saturating_mul(count).saturating_add(WORK[1]));
+        let slack = ANCHOR_ERROR * self.tolerance + 1e-12 * (copy.spread + copy.center.length());
+        let grid = Grid::new(copy, slack);
+        let attempt = |motion: &DAffine3, budget: &mut Budget| {
+            let pairs = grid.pair(model, motion, budget)?;
+            self.settle(pairs, motion.matrix3.determinant() < 0.0)
+        };
+        if model.center.distance(copy.center) <= slack
+            && let Some(found) = attempt(&DAffine3::IDENTITY, &mut budget)
+        {
+            return Some(found);
+        }
+        if !self.moves {
+            return None;
+        }
+        anchors::first_success(model, copy, slack, &mut budget, attempt)
+    }
+
+    /// The best motion for triangles that go together, if it and everything else is good enough.
+    fn settle(&self, pairs: Vec<Pair>, mirrored: bool) -> Option<Alignment> {
+        let motion = self.motion(&pairs, mirrored)?;
+        self.agrees(&pairs, &motion, mirrored)
+            .then(|| Alignment { motion, triangles: pairs.into_iter().map(|pair| pair.triangle).collect() })
+    }
+
+    /// The motion, as a file holds it, that leaves no corner farther off than the tolerance: none if that is one.
+    fn motion(&self, pairs: &[Pair], mirrored: bool) -> Option<DAffine3> {
+        if !mirrored && self.error(pairs, &DAffine3::IDENTITY, mirrored) <= self.tolerance {
+            return Some(DAffine3::IDENTITY);
+        }
+        if !self.moves {
+            return None;
+        }
+        let best = similarity(self.corners(pairs, mirrored), mirrored)?;
+        let candidates = [snapped(&best, self.model.center), best];
+        let measured = candidates.iter().filter_map(rounded).map(|m| (self.error(pairs, &m, mirrored), m));
+        let (error, motion) = measured.reduce(|a, b| if b.0 < a.0 { b } else { a })?;
+        (error <= self.tolerance).then_some(motion)
+    }
+
+    /// Corners of the model with those of the copy.
+    fn corners<'s>(&'s self, pairs: &'s [Pair], mirrored: bool) -> impl Iterator<Item = (DVec3, DVec3)> + Clone + 's {
+        self.model.corners.iter().zip(pairs).flat_map(move |(corners, pair)| {
+            let (order, others) = (pair.corners(mirrored), &self.copy.corners[pair.triangle as usize]);
+            (0..3).map(move |i| (corners[i], others[order[i]]))
+        })
+    }
+
+    /// How far the farthest corner is off.
+    fn error(&self, pairs: &[Pair], motion: &DAffine3, mirrored: bool) -> f64 {
+        self.corners(pairs, mirrored).map(|(p, q)| motion.transform_point3(p).distance(q)).fold(0.0, f64::max)
+    }
+
+    /// Whether everything but the positions agrees.
+    fn agrees(&self, pairs: &[Pair], motion: &DAffine3, mirrored: bool) -> bool {
+        let scale = motion.matrix3.determinant().abs().cbrt();
+        let turn = motion.matrix3 * (1.0 / scale);
+        let along = motion.matrix3.x_axis.x;
+        let is_turned = mirrored || motion.matrix3 != DMat3::from_diagonal(DVec3::splat(along)) || along < 0.0;
+        let turn = is_turned.then_some(&turn);
+        pairs.iter().enumerate().all(|(triangle, pair)| {
+            let other = pair.triangle as usize;
+            let corner =
+                |(i, at): (usize, usize)| self.model.corner_agrees([triangle, i], self.copy, [other, at], turn);
+            self.model.kind_agrees(triangle, self.copy, other)
+                && pair.corners(mirrored).into_iter().enumerate().all(corner)
+        })
+    }
+}

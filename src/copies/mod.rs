@@ -1,0 +1,245 @@
+//! Meshes that are copies of others, found and made instances of them.
+//!
+//! Exporters write repeated objects out with their place baked into the vertices, so that what is one mesh in truth is
+//! stored and built many times. A mesh is a *copy* of another, its *model*, if it has the same triangles up to their
+//! order and that of the vertices, after a *motion*: a turn, a shift, a uniform scale and perhaps a mirroring. What
+//! must agree: the material, the format of vertices, extensions and extras of every triangle's primitive; the side
+//! that is its front; every vertex attribute, bit by bit; normals and tangents after the motion, bit by bit where it
+//! does not turn, else within [`TURNED`]; positions within [`Options::max_position_error_ratio`].
+//!
+//! Helps where an exporter flattened its scene; where it did not, the signatures differ and nothing more is looked at.
+//!
+//! Near-linear: meshes are sorted by a signature that no motion changes ([`signature`]), and only those within its
+//! error bars of a model are aligned with it ([`align`]). A mesh that resembles [`MOST_ATTEMPTS`] models without being a
+//! copy of any is not tried again.
+
+mod align;
+mod anchors;
+mod fit;
+mod grid;
+mod shape;
+mod signature;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use glam::DAffine3;
+use raykiln_formats::Document;
+use rayon::prelude::*;
+use serde_json::Value;
+
+use crate::scene::{MeshId, Scene, StandIn, TriangleOrder};
+use align::Alignment;
+use shape::Shape;
+use signature::Signature;
+
+/// How far the components of a turned normal or tangent, of unit length, may lie from the copy's: file formats that
+/// are text often give them four digits. Stored as integers, they may be off by two steps more.
+pub const TURNED: f64 = 5e-4;
+
+/// Models that a mesh is aligned with in vain before it counts as a model itself.
+pub const MOST_ATTEMPTS: u32 = 64;
+
+/// Which copies are looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Likeness {
+    /// Those with the same coordinates: triangles and vertices may be in another order.
+    Exact,
+    /// Also those turned, moved, uniformly scaled or mirrored.
+    #[default]
+    Rigid,
+}
+
+/// How to look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Which copies are looked for.
+    pub likeness: Likeness,
+    /// How far a vertex may move, over the diagonal of the scene. Never more than a ten-thousandth of the mesh's own
+    /// size, or, where coordinates are so large that single precision is coarser, than this ratio of them, up to a
+    /// hundredth.
+    pub max_position_error_ratio: f64,
+}
+
+/// A mesh that is a copy of another.
+#[derive(Clone, Debug)]
+pub struct CopiedMesh {
+    /// The copy.
+    pub mesh: MeshId,
+    /// What it is a copy of; no copy itself.
+    pub model: MeshId,
+    /// Copy from model; each coefficient is exactly a 32-bit float.
+    pub motion: DAffine3,
+    /// Which triangle of the copy each of the model is; `None` where both are in the same order.
+    pub order: Option<Arc<TriangleOrder>>,
+}
+
+/// The copies of a scene, in the order of its meshes.
+#[derive(Clone, Debug, Default)]
+pub struct Copies {
+    /// Each mesh at most once.
+    pub list: Vec<CopiedMesh>,
+}
+
+impl Copies {
+    /// How many different meshes they are copies of.
+    pub fn models(&self) -> usize {
+        self.list.iter().map(|c| c.model).collect::<BTreeSet<_>>().len()
+    }
+}
+
+/// Finds the meshes that are copies of others. Meshes placed by a pinned instance are models, never copies; those with
+/// points, lines, morph targets or dropped triangles are neither. The model of a class is the mesh of it nearest to its
+/// origin, which is stored most precisely; the first of them in the file.
+pub fn find(doc: &Document, scene: &Scene, options: &Options) -> Copies {
+    let roles = roles(doc, scene);
+    let candidates = alike(scene, &roles);
+    let signatures = signature::of_all(doc, scene, &candidates, options);
+    let groups: BTreeMap<u64, Vec<Signature>> = by_key(signatures);
+    let search = Search { doc, scene, options, roles: &roles };
+    let found: Vec<Vec<CopiedMesh>> = groups.into_par_iter().map(|(_, group)| search.group(group)).collect();
+    let mut list: Vec<CopiedMesh> = found.into_iter().flatten().collect();
+    list.sort_unstable_by_key(|c| c.mesh);
+    Copies { list }
+}
+
+/// Lets the models stand in for their copies.
+pub fn apply(scene: &mut Scene, copies: &Copies) {
+    let mut of_mesh: Vec<Option<&CopiedMesh>> = vec![None; scene.meshes.len()];
+    copies.list.iter().for_each(|copy| of_mesh[copy.mesh.0 as usize] = Some(copy));
+    for instance in &mut scene.instances {
+        let Some(copy) = of_mesh[instance.mesh.0 as usize] else { continue };
+        instance.stand_in = Some(StandIn {
+            copy: copy.mesh,
+            motion: copy.motion,
+            transform: instance.transform,
+            order: copy.order.clone(),
+        });
+        instance.mesh = copy.model;
+        instance.transform *= copy.motion;
+    }
+}
+
+/// Makes the scene again what it was before [`apply`]; instances pinned since stay pinned.
+pub fn undo(scene: &mut Scene) {
+    for instance in &mut scene.instances {
+        if let Some(stand_in) = instance.stand_in.take() {
+            instance.mesh = stand_in.copy;
+            instance.transform = stand_in.transform;
+        }
+    }
+}
+
+/// What a mesh can be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// Neither copy nor model.
+    None,
+    /// A model only.
+    Model,
+    /// A copy where the motion is the identity, else a model: copies of `EXT_mesh_gpu_instancing` are placed in the
+    /// coordinates of the mesh.
+    InPlace,
+    /// Either.
+    Any,
+}
+
+fn roles(doc: &Document, scene: &Scene) -> Vec<Role> {
+    let mut roles: Vec<Role> = scene
+        .meshes
+        .iter()
+        .map(|mesh| {
+            let primitives = doc.json["meshes"][mesh.source as usize]["primitives"].as_array();
+            let morphed = |p: &Value| p["targets"].as_array().is_some_and(|t| !t.is_empty());
+            let whole = primitives.is_some_and(|p| p.len() == mesh.geometries.len() && !p.iter().any(morphed));
+            if whole && !mesh.dropped { Role::Any } else { Role::None }
+        })
+        .collect();
+    for instance in &scene.instances {
+        let role = &mut roles[instance.mesh.0 as usize];
+        let node = &doc.json["nodes"][instance.node as usize];
+        *role = match *role {
+            Role::None => Role::None,
+            _ if instance.pinned.is_some() => Role::Model,
+            Role::Any if node["extensions"].get("EXT_mesh_gpu_instancing").is_some() => Role::InPlace,
+            role => role,
+        };
+    }
+    roles
+}
+
+/// The meshes that have as many triangles of each material and kind as another.
+fn alike(scene: &Scene, roles: &[Role]) -> Vec<MeshId> {
+    let mut counts: BTreeMap<u64, Vec<MeshId>> = BTreeMap::new();
+    for (i, mesh) in (0u32..).zip(&scene.meshes).filter(|(i, _)| roles[*i as usize] != Role::None) {
+        counts.entry(signature::coarse_key(mesh)).or_default().push(MeshId(i));
+    }
+    let mut alike: Vec<MeshId> = counts.into_values().filter(|meshes| meshes.len() > 1).flatten().collect();
+    alike.sort_unstable();
+    alike
+}
+
+fn by_key(signatures: Vec<Signature>) -> BTreeMap<u64, Vec<Signature>> {
+    let mut groups: BTreeMap<u64, Vec<Signature>> = BTreeMap::new();
+    signatures.into_iter().for_each(|s| groups.entry(s.key).or_default().push(s));
+    groups
+}
+
+struct Search<'a> {
+    doc: &'a Document,
+    scene: &'a Scene,
+    options: &'a Options,
+    roles: &'a [Role],
+}
+
+impl Search<'_> {
+    /// The copies among meshes whose signatures have the same key.
+    fn group(&self, mut group: Vec<Signature>) -> Vec<CopiedMesh> {
+        group.sort_by(|a, b| {
+            let preference = |s: &Signature| (self.roles[s.mesh.0 as usize] != Role::Model, s.reach);
+            let (a_key, b_key) = (preference(a), preference(b));
+            a_key.0.cmp(&b_key.0).then(a_key.1.total_cmp(&b_key.1)).then(a.mesh.cmp(&b.mesh))
+        });
+        let buckets = signature::Buckets::new(&group);
+        let mut is_copy = vec![false; group.len()];
+        let mut attempts = vec![0; group.len()];
+        let mut copies = Vec::new();
+        for at in 0..group.len() {
+            if is_copy[at] {
+                continue;
+            }
+            let later = |&other: &usize| other > at && !is_copy[other] && attempts[other] < MOST_ATTEMPTS;
+            let alike: Vec<usize> = buckets
+                .near(&group[at])
+                .filter(later)
+                .filter(|&other| self.may_be_copy(&group[at], &group[other]))
+                .collect();
+            if alike.is_empty() {
+                continue;
+            }
+            let model = Shape::new(self.doc, self.scene, group[at].mesh);
+            let found: Vec<Option<CopiedMesh>> =
+                alike.par_iter().map(|&other| self.copy(&model, &group[at], &group[other])).collect();
+            for (&other, found) in alike.iter().zip(found) {
+                is_copy[other] = found.is_some();
+                attempts[other] += 1;
+                copies.extend(found);
+            }
+        }
+        copies
+    }
+
+    fn may_be_copy(&self, model: &Signature, other: &Signature) -> bool {
+        self.roles[other.mesh.0 as usize] != Role::Model && model.resembles(other)
+    }
+
+    fn copy(&self, model: &Shape, of: &Signature, other: &Signature) -> Option<CopiedMesh> {
+        let shape = Shape::new(self.doc, self.scene, other.mesh);
+        let moves = self.options.likeness == Likeness::Rigid && self.roles[other.mesh.0 as usize] == Role::Any;
+        let Alignment { motion, triangles } = align::align(model, &shape, other.tolerance, moves)?;
+        let order = TriangleOrder::of(&triangles).map(Arc::new);
+        Some(CopiedMesh { mesh: other.mesh, model: of.mesh, motion, order })
+    }
+}

@@ -1,0 +1,175 @@
+//! A mesh as its triangles, each with all that must agree between copies.
+
+use std::hash::Hasher;
+
+use glam::{DMat3, DVec3};
+use raykiln_formats::Document;
+use raykiln_formats::document::{Attribute, Component};
+use rustc_hash::FxHasher;
+use serde_json::Value;
+
+use super::TURNED;
+use crate::scene::{Geometry, Mesh, MeshId, Scene};
+
+/// The triangles of a mesh, counted through its geometries.
+pub(super) struct Shape<'a> {
+    mesh: &'a Mesh,
+    /// By geometry.
+    parts: Vec<Part<'a>>,
+    /// Corners in mesh coordinates.
+    pub(super) corners: Vec<[DVec3; 3]>,
+    /// For each corner a hash of what must agree bit by bit.
+    pub(super) keys: Vec<[u64; 3]>,
+    /// A hash of the mesh's own extras and extensions.
+    pub(super) properties: u64,
+    /// The mean of all corners.
+    pub(super) center: DVec3,
+    /// Root of the mean square of the corners' distances from `center`.
+    pub(super) spread: f64,
+}
+
+/// The vertex attributes of a geometry but its positions.
+struct Part<'a> {
+    /// What a motion turns.
+    normal: Option<Attribute<'a>>,
+    tangent: Option<Attribute<'a>>,
+    /// The others, by name.
+    exact: Vec<Attribute<'a>>,
+}
+
+impl<'a> Part<'a> {
+    fn new(doc: &'a Document, mesh: &Mesh, geometry: &Geometry) -> Part<'a> {
+        let mut part = Part { normal: None, tangent: None, exact: Vec::new() };
+        for attribute in doc.attributes(mesh.source as usize, geometry.primitive as usize) {
+            match attribute.name.as_str() {
+                "POSITION" => {}
+                "NORMAL" => part.normal = Some(attribute),
+                "TANGENT" => part.tangent = Some(attribute),
+                _ => part.exact.push(attribute),
+            }
+        }
+        part.exact.sort_by(|a, b| a.name.cmp(&b.name));
+        part
+    }
+}
+
+impl<'a> Shape<'a> {
+    pub(super) fn new(doc: &'a Document, scene: &'a Scene, mesh: MeshId) -> Shape<'a> {
+        let mesh = &scene.meshes[mesh.0 as usize];
+        let parts: Vec<Part> = mesh.geometries.iter().map(|g| Part::new(doc, mesh, g)).collect();
+        let count = mesh.triangle_count();
+        let (mut corners, mut keys) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for (geometry, part) in mesh.geometries.iter().zip(&parts) {
+            let kind = kind(geometry);
+            for (t, vertices) in geometry.triangles.iter().enumerate() {
+                corners.push(geometry.corners(t).map(|p| p.as_dvec3()));
+                keys.push(vertices.map(|v| corner_key(kind, part, v)));
+            }
+        }
+        let center = mean(corners.as_flattened());
+        let spread = mean_square(corners.as_flattened(), center).sqrt();
+        let properties = properties(&doc.json["meshes"][mesh.source as usize]);
+        Shape { mesh, parts, corners, keys, properties, center, spread }
+    }
+
+    /// Whether two corners agree in everything but their position, after a turn of the first (`None`: not turned).
+    pub(super) fn corner_agrees(
+        &self,
+        [triangle, corner]: [usize; 2],
+        other: &Shape,
+        at: [usize; 2],
+        turn: Option<&DMat3>,
+    ) -> bool {
+        let (a, vertex_a) = self.vertex(triangle, corner);
+        let (b, vertex_b) = other.vertex(at[0], at[1]);
+        let exact = a.exact.len() == b.exact.len()
+            && a.exact.iter().zip(&b.exact).all(|(x, y)| x.name == y.name && x.bytes(vertex_a) == y.bytes(vertex_b));
+        exact
+            && directions_agree([(&a.normal, vertex_a), (&b.normal, vertex_b)], turn)
+            && directions_agree([(&a.tangent, vertex_a), (&b.tangent, vertex_b)], turn)
+    }
+
+    /// Whether two triangles have the same material and kind of primitive.
+    pub(super) fn kind_agrees(&self, triangle: usize, other: &Shape, at: usize) -> bool {
+        let key = |shape: &Shape, triangle: usize| {
+            let geometry = &shape.mesh.geometries[shape.mesh.locate(triangle as u32).0];
+            (geometry.material, geometry.merge_class)
+        };
+        key(self, triangle) == key(other, at)
+    }
+
+    fn vertex(&self, triangle: usize, corner: usize) -> (&Part<'a>, u32) {
+        let (geometry, within) = self.mesh.locate(triangle as u32);
+        (&self.parts[geometry], self.mesh.geometries[geometry].triangles[within][corner])
+    }
+}
+
+/// Spreads the bits of a number over all of its bits (G. L. Steele, D. Lea and C. H. Flood, "Fast splittable
+/// pseudorandom number generators", 2014), so that sums of such numbers tell multisets apart.
+pub(super) fn mixed(mut x: u64) -> u64 {
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// A hash of what all triangles of a geometry have in common.
+pub(super) fn kind(geometry: &Geometry) -> u64 {
+    let mut hasher = FxHasher::default();
+    hasher.write_u32(geometry.material.map_or(u32::MAX, |m| m));
+    hasher.write_u32(geometry.merge_class);
+    mixed(hasher.finish())
+}
+
+fn corner_key(kind: u64, part: &Part, vertex: u32) -> u64 {
+    let mut hasher = FxHasher::default();
+    hasher.write_u64(kind);
+    part.exact.iter().for_each(|attribute| hasher.write(attribute.bytes(vertex)));
+    mixed(hasher.finish())
+}
+
+/// A hash of what a mesh says besides its name and primitives.
+fn properties(mesh: &Value) -> u64 {
+    let mut hasher = FxHasher::default();
+    for (key, value) in mesh.as_object().into_iter().flatten().filter(|(key, _)| *key != "name" && *key != "primitives")
+    {
+        hasher.write(key.as_bytes());
+        hasher.write(value.to_string().as_bytes());
+    }
+    hasher.finish()
+}
+
+fn mean(points: &[DVec3]) -> DVec3 {
+    // Taken from the first point, so that far from the origin nothing is lost.
+    let Some(&first) = points.first() else { return DVec3::ZERO };
+    first + points.iter().map(|&p| p - first).sum::<DVec3>() / points.len() as f64
+}
+
+fn mean_square(points: &[DVec3], center: DVec3) -> f64 {
+    points.iter().map(|p| p.distance_squared(center)).sum::<f64>() / points.len().max(1) as f64
+}
+
+/// Whether two normals or tangents agree after a turn of the first; of tangents the side too, which a mirroring
+/// exchanges.
+fn directions_agree([(a, vertex_a), (b, vertex_b)]: [(&Option<Attribute>, u32); 2], turn: Option<&DMat3>) -> bool {
+    let (a, b) = match (a, b) {
+        (Some(a), Some(b)) => (a, b),
+        (a, b) => return a.is_none() && b.is_none(),
+    };
+    let ([x, y, z, side_a], [u, v, w, side_b]) = (a.numbers(vertex_a), b.numbers(vertex_b));
+    let (from, to) = (DVec3::new(x, y, z), DVec3::new(u, v, w));
+    let Some(turn) = turn else { return from == to && side_a == side_b };
+    let side = if a.element.components == 4 && turn.determinant() < 0.0 { -side_a } else { side_a };
+    let off = (*turn * from.normalize_or_zero() - to.normalize_or_zero()).abs().max_element();
+    side == side_b && off <= TURNED + 2.0 * step(a).max(step(b))
+}
+
+/// The step between components of unit vectors as they are stored.
+fn step(attribute: &Attribute) -> f64 {
+    match attribute.element.component {
+        Component::I8 => 1.0 / 127.0,
+        Component::U8 => 1.0 / 255.0,
+        Component::I16 => 1.0 / 32_767.0,
+        Component::U16 => 1.0 / 65_535.0,
+        Component::U32 | Component::F32 => 0.0,
+    }
+}

@@ -1,0 +1,175 @@
+//! What copies have in common whatever their order and motion: a key, and lengths in units of their own size.
+
+use std::hash::Hasher;
+
+use glam::DVec3;
+use raykiln_formats::Document;
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHasher};
+
+use super::fit::stretch;
+use super::shape::{Shape, kind, mixed};
+use super::{Likeness, Options};
+use crate::scene::{Mesh, MeshId, Scene};
+
+/// Order statistics of the corners' distances from their mean, and as many of the sides' lengths.
+const RANKS: usize = 8;
+
+/// The lengths by which buckets are told apart: the middle and the largest distance, the middle side.
+const BUCKET_RANKS: [usize; 3] = [RANKS / 2, RANKS - 1, RANKS + RANKS / 2];
+
+/// Relative rounding of lengths that are computed in double precision.
+const ROUNDING: f64 = 1e-9;
+
+/// A vertex may be off by so much of a mesh's size, and where its coordinates are coarser, by more, up to the second.
+const OWN_SIZE: [f64; 2] = [1e-4, 1e-2];
+
+/// What copies have in common.
+#[derive(Clone, Debug)]
+pub(super) struct Signature {
+    pub(super) mesh: MeshId,
+    /// A hash of everything exact; equal for copies.
+    pub(super) key: u64,
+    /// The largest coordinate.
+    pub(super) reach: f64,
+    /// How far a vertex of a copy may be off, in the coordinates of this mesh.
+    pub(super) tolerance: f64,
+    /// Lengths in units of the spread. No vertex moves by `tolerance` without each changing by [`Signature::bar`] at most.
+    lengths: [f64; 2 * RANKS],
+    relative_tolerance: f64,
+}
+
+/// A hash of how many triangles there are of each material and kind.
+pub(super) fn coarse_key(mesh: &Mesh) -> u64 {
+    mesh.geometries.iter().fold(0, |sum, g| (g.triangles.len() as u64).wrapping_mul(kind(g)).wrapping_add(sum))
+}
+
+/// The signatures of some meshes, in their order.
+pub(super) fn of_all(doc: &Document, scene: &Scene, meshes: &[MeshId], options: &Options) -> Vec<Signature> {
+    let limit = options.max_position_error_ratio * scene.bounds().diagonal();
+    let mut stretches = vec![0.0_f64; scene.meshes.len()];
+    for instance in &scene.instances {
+        let most = &mut stretches[instance.mesh.0 as usize];
+        *most = most.max(stretch(&instance.transform.matrix3));
+    }
+    let of = |&mesh: &MeshId| {
+        let budget = limit / stretches[mesh.0 as usize];
+        Signature::new(&Shape::new(doc, scene, mesh), mesh, budget, options)
+    };
+    meshes.par_iter().map(of).collect()
+}
+
+impl Signature {
+    /// `budget` is how far a vertex may be off as far as the scene is concerned.
+    fn new(shape: &Shape, mesh: MeshId, budget: f64, options: &Options) -> Signature {
+        let points = shape.corners.as_flattened();
+        let reach = points.iter().fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
+        let tolerance = match options.likeness {
+            Likeness::Exact => 0.0,
+            Likeness::Rigid => tolerance(shape, reach, budget, options.max_position_error_ratio),
+        };
+        let unit = if shape.spread > 0.0 { shape.spread } else { 1.0 };
+        let mut distances: Vec<f64> = points.iter().map(|p| p.distance(shape.center) / unit).collect();
+        let mut sides: Vec<f64> = shape.corners.iter().flat_map(|c| sides(c).map(|s| s / unit)).collect();
+        let mut lengths = [0.0; 2 * RANKS];
+        order_statistics(&mut distances, &mut lengths[..RANKS]);
+        order_statistics(&mut sides, &mut lengths[RANKS..]);
+        Signature {
+            mesh,
+            key: key(shape, options.likeness),
+            reach,
+            tolerance,
+            lengths,
+            relative_tolerance: tolerance / unit,
+        }
+    }
+
+    /// How far one of the lengths of a copy may be off.
+    fn bar(&self, length: f64) -> f64 {
+        (4.0 * self.relative_tolerance + ROUNDING) * (1.0 + length)
+    }
+
+    /// Whether `copy` may be a copy of this mesh.
+    pub(super) fn resembles(&self, copy: &Signature) -> bool {
+        self.lengths.iter().zip(&copy.lengths).all(|(&a, &b)| (a - b).abs() <= copy.bar(b))
+    }
+}
+
+/// In mesh coordinates, with a margin for the rounding of the check itself.
+fn tolerance(shape: &Shape, reach: f64, budget: f64, ratio: f64) -> f64 {
+    let corner = |pick: fn(DVec3, DVec3) -> DVec3| shape.corners.as_flattened().iter().copied().reduce(pick);
+    let size = match (corner(DVec3::min), corner(DVec3::max)) {
+        (Some(min), Some(max)) => min.distance(max),
+        _ => 0.0,
+    };
+    if !(size > 0.0) || budget.is_nan() {
+        return 0.0;
+    }
+    let own = if ratio.is_finite() { ratio * reach } else { f64::INFINITY };
+    0.999 * budget.min(own.clamp(OWN_SIZE[0] * size, OWN_SIZE[1] * size))
+}
+
+/// Lengths of a triangle's sides; each is opposite the corner of its index.
+pub(super) fn sides([a, b, c]: &[DVec3; 3]) -> [f64; 3] {
+    [b.distance(*c), c.distance(*a), a.distance(*b)]
+}
+
+/// The values at evenly spaced ranks, the smallest and the largest among them.
+fn order_statistics(values: &mut [f64], out: &mut [f64]) {
+    values.sort_unstable_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1);
+    let steps = out.len() - 1;
+    for (rank, slot) in out.iter_mut().enumerate() {
+        *slot = values.get(rank * last / steps).copied().unwrap_or(0.0);
+    }
+}
+
+fn key(shape: &Shape, likeness: Likeness) -> u64 {
+    let position = |p: &DVec3| {
+        let mut hasher = FxHasher::default();
+        // A sum with zero turns -0 into 0.
+        p.to_array().iter().for_each(|c| hasher.write_u64((c + 0.0).to_bits()));
+        mixed(hasher.finish())
+    };
+    let triangles = shape.keys.iter().zip(&shape.corners).map(|(keys, corners)| {
+        let corner = |(key, at): (&u64, &DVec3)| match likeness {
+            Likeness::Exact => mixed(key ^ position(at)),
+            Likeness::Rigid => *key,
+        };
+        mixed(keys.iter().zip(corners).map(corner).fold(0, u64::wrapping_add))
+    });
+    triangles.fold(mixed(shape.properties), u64::wrapping_add)
+}
+
+/// Signatures in a grid of three of their lengths, whose cells are as wide as the widest error bars.
+pub(super) struct Buckets {
+    cells: FxHashMap<[i64; 3], Vec<usize>>,
+    widths: [f64; 3],
+}
+
+impl Buckets {
+    pub(super) fn new(signatures: &[Signature]) -> Buckets {
+        let width = |rank: usize| signatures.iter().map(|s| s.bar(s.lengths[rank])).fold(ROUNDING, f64::max);
+        let mut buckets = Buckets { cells: FxHashMap::default(), widths: BUCKET_RANKS.map(width) };
+        for (i, signature) in signatures.iter().enumerate() {
+            buckets.cells.entry(buckets.cell(signature)).or_default().push(i);
+        }
+        buckets
+    }
+
+    fn cell(&self, signature: &Signature) -> [i64; 3] {
+        std::array::from_fn(|i| (signature.lengths[BUCKET_RANKS[i]] / self.widths[i]) as i64)
+    }
+
+    /// Those within the error bars of a signature, and some more, in ascending order.
+    pub(super) fn near(&self, signature: &Signature) -> impl Iterator<Item = usize> + use<> {
+        let cell = self.cell(signature);
+        let mut near = Vec::new();
+        for offset in 0..27 {
+            let at = [cell[0] + offset % 3 - 1, cell[1] + offset / 3 % 3 - 1, cell[2] + offset / 9 - 1];
+            near.extend(self.cells.get(&at).into_iter().flatten().copied());
+        }
+        near.sort_unstable();
+        near.into_iter()
+    }
+}
