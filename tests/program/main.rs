@@ -1,6 +1,7 @@
 //! Whole-program tests: the built binary on files. One file a theme, one binary for all, so that it links once.
 
 mod common;
+mod copies;
 
 mod bad_input;
 mod cli;

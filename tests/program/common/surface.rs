@@ -169,8 +169,24 @@ impl File<'_> {
         indices.as_chunks().0.iter().map(|&t| wound(t).map(corner)).collect()
     }
 
-    /// The origins that `extras.raykiln` of a primitive names.
+    /// The origins of a primitive's triangles: those that it names, led on where its node places a copy.
     fn origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
+        let source = &self.json("nodes", part.node)["extras"]["raykiln"]["source"];
+        let named = self.named_origins(part, primitive, triangles);
+        let Some(copied) = source["mesh"].as_u64() else { return named };
+        let order: Option<Vec<u64>> = source["runs"].as_u64().map(|runs| {
+            let runs = self.elements(runs).concat();
+            runs.chunks(2).flat_map(|run| run[0] as u64..(run[0] + run[1]) as u64).collect()
+        });
+        let lead = |[node, copy, _, primitive, triangle]: Origin| {
+            assert_eq!(primitive, 0, "copies of one primitive are read");
+            [node, copy, copied, 0, order.as_ref().map_or(triangle, |o| o[triangle as usize])]
+        };
+        named.into_iter().map(lead).collect()
+    }
+
+    /// The origins that `extras.raykiln` of a primitive names.
+    fn named_origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
         let node = self.json("nodes", part.node)["extras"]["raykiln"]["source"]["node"].as_u64().unwrap_or(part.node);
         let record = &primitive["extras"]["raykiln"];
         let number = |value: &Value| value.as_u64().expect("a number");
