@@ -215,7 +215,7 @@ impl Document {
     }
 
     /// Removes meshes no node refers to, then accessors and buffer views nothing refers to, and renumbers the
-    /// rest. Nodes, materials and everything else keep their index.
+    /// rest; views of which accessors read parts only are cut down to these. Nodes, materials and everything else keep their index.
     pub fn compact(&mut self) -> Compacted {
         crate::gltf::compact::compact(self)
     }

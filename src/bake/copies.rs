@@ -10,7 +10,6 @@ use super::{BakeOptions, measure_as_is};
 use crate::choose::Choice;
 use crate::copies::{self, Copies, Likeness};
 use crate::cost::Metrics;
-use crate::layout::Method;
 use crate::report::Pass;
 use crate::report::text::bytes;
 use crate::scene::Scene;
@@ -18,7 +17,7 @@ use crate::scene::Scene;
 /// Whether copies are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FindCopies {
-    /// For the methods that keep instances: `auto` and `per-object`.
+    /// For `auto`; the other methods restructure what the file holds, as it holds it.
     #[default]
     ByMethod,
     /// Whatever the method.
@@ -32,7 +31,7 @@ impl FindCopies {
         match (self, method) {
             (FindCopies::Off, _) => None,
             (FindCopies::Always(likeness), _) => Some(likeness),
-            (FindCopies::ByMethod, Choice::Auto | Choice::Method(Method::PerObject)) => Some(Likeness::Rigid),
+            (FindCopies::ByMethod, Choice::Auto) => Some(Likeness::Rigid),
             (FindCopies::ByMethod, Choice::Method(_)) => None,
         }
     }

@@ -128,7 +128,7 @@ pub(super) struct BakeArguments {
     #[arg(long)]
     prune: bool,
     /// Which meshes become instances of another that they are a copy of
-    /// [default: rigid for auto and per-object, off otherwise]
+    /// [default: rigid for auto, off otherwise]
     #[arg(long, value_enum, value_name = "LIKENESS")]
     copies: Option<CopiesArgument>,
     #[command(flatten)]

@@ -74,9 +74,9 @@ fn rotate<const N: usize>(m: &mut [[f64; N]; N], vectors: &mut [[f64; N]; N], p:
     for row in m.iter_mut().chain(vectors.iter_mut()) {
         (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
     }
-    for k in 0..N {
-        (m[p][k], m[q][k]) = (c * m[p][k] - s * m[q][k], s * m[p][k] + c * m[q][k]);
-    }
+    let (old_p, old_q) = (m[p], m[q]);
+    m[p] = std::array::from_fn(|k| c * old_p[k] - s * old_q[k]);
+    m[q] = std::array::from_fn(|k| s * old_p[k] + c * old_q[k]);
 }
 
 /// By how much a linear map stretches at most.

@@ -102,7 +102,7 @@ fn tolerance(shape: &Shape, reach: f64, budget: f64, ratio: f64) -> f64 {
         (Some(min), Some(max)) => min.distance(max),
         _ => 0.0,
     };
-    if !(size > 0.0) || budget.is_nan() {
+    if size == 0.0 || budget.is_nan() {
         return 0.0;
     }
     let own = if ratio.is_finite() { ratio * reach } else { f64::INFINITY };

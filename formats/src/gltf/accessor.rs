@@ -95,6 +95,11 @@ impl<'d> Accessor<'d> {
         (Cow::Owned(all), size)
     }
 
+    /// Bytes from the first byte of the first element to the last of the last; 0 without a buffer view.
+    pub(super) fn stored_bytes(&self) -> usize {
+        self.data.map_or(0, <[u8]>::len)
+    }
+
     /// The elements as unsigned integers, where this is a SCALAR accessor of them.
     pub(super) fn scalars(&self) -> Option<Vec<u32>> {
         if self.kind != "SCALAR" || self.element.normalized {

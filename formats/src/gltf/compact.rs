@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use super::cut::cut_views;
 use super::edit::{array, each_primitive};
 use super::extensions::{self, DRACO, GPU_INSTANCING};
 use super::json::unsigned;
@@ -11,15 +12,17 @@ use crate::document::{Compacted, Document};
 type Visit = fn(&mut Value, &mut dyn FnMut(&mut Value));
 
 pub(crate) fn compact(doc: &mut Document) -> Compacted {
-    let json = &mut doc.json;
-    let mut removed = Compacted { held_by: extensions::first_unknown(json), ..Compacted::default() };
+    let mut removed = Compacted { held_by: extensions::first_unknown(&doc.json), ..Compacted::default() };
     if removed.held_by.is_none() {
-        removed.meshes = compact_list(json, "meshes", mesh_references);
-        removed.accessors = compact_list(json, "accessors", accessor_references);
-        removed.buffer_views = compact_list(json, "bufferViews", view_references);
+        removed.meshes = compact_list(&mut doc.json, "meshes", mesh_references);
+        removed.accessors = compact_list(&mut doc.json, "accessors", accessor_references);
+        removed.buffer_views = compact_list(&mut doc.json, "bufferViews", view_references);
+        if removed.accessors > 0 {
+            cut_views(doc);
+        }
     }
     // glTF forbids empty lists.
-    if let Some(root) = json.as_object_mut() {
+    if let Some(root) = doc.json.as_object_mut() {
         root.retain(|key, value| key == "extras" || value.as_array().is_none_or(|list| !list.is_empty()));
     }
     removed

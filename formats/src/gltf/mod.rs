@@ -7,6 +7,7 @@ pub(crate) mod attributes;
 mod binary;
 pub(crate) mod compact;
 pub(crate) mod contents;
+mod cut;
 pub(crate) mod edit;
 mod extensions;
 mod images;

@@ -4,7 +4,7 @@ use raykiln_formats::Document;
 use raykiln_formats::document::Compacted;
 use serde_json::{Value, json};
 
-use crate::support::{contents, document, triangle_bytes, triangle_json};
+use crate::support::{contents, document, floats, triangle_bytes, triangle_json};
 
 /// Five accessors, each with a view of its own; three meshes of which only the second is used.
 fn cluttered() -> Document {
@@ -144,4 +144,26 @@ fn documents_that_are_no_objects_are_left_alone() {
         doc.compact();
         assert_eq!(doc.json, json);
     }
+}
+
+#[test]
+fn a_view_is_cut_down_to_what_accessors_still_read() {
+    let view = json!({"buffer": 0, "byteOffset": 4, "byteLength": 4 * 480, "target": 34962});
+    let accessor =
+        |i: usize| json!({"bufferView": 0, "byteOffset": 480 * i, "componentType": 5126, "count": 40, "type": "VEC3"});
+    let primitive = |i: usize| json!({"primitives": [{"attributes": {"POSITION": i}, "mode": 0}]});
+    let json = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1]}], "nodes": [{"mesh": 1}, {"mesh": 3}],
+        "meshes": (0..4).map(primitive).collect::<Vec<_>>(), "accessors": (0..4).map(accessor).collect::<Vec<_>>(),
+        "bufferViews": [view], "buffers": [{"byteLength": 1924}]
+    });
+    let mut doc = document(json, &[floats(&(0..481).map(|i| i as f32).collect::<Vec<_>>())]);
+    let read = |doc: &Document, mesh: usize| doc.attributes(mesh, 0)[0].numbers(0);
+    let before = [1, 3].map(|mesh| read(&doc, mesh));
+    let removed = doc.compact();
+    assert_eq!((removed.meshes, removed.accessors), (2, 2));
+    assert_eq!([0, 1].map(|mesh| read(&doc, mesh)), before);
+    let views = doc.json["bufferViews"].as_array().expect("views");
+    let lengths: Vec<_> = views.iter().map(|v| (v["byteOffset"].clone(), v["byteLength"].clone())).collect();
+    assert_eq!(lengths, [(json!(484), json!(480)), (json!(1444), json!(480))]);
 }

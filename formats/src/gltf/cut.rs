@@ -1,0 +1,114 @@
+//! Buffer views cut down to the bytes that accessors read: what a view holds besides is not written.
+
+use std::ops::Range;
+
+use serde_json::{Value, json};
+
+use super::accessor::Accessor;
+use super::edit::{array, each_primitive, push};
+use super::extensions::DRACO;
+use super::json::unsigned;
+use crate::document::Document;
+
+/// Unused bytes that are not worth a buffer view of their own.
+const MOST_GAP: usize = 128;
+
+/// A stretch of a view and the accessors that read it.
+struct Part {
+    bytes: Range<usize>,
+    accessors: Vec<usize>,
+}
+
+/// Replaces every view of which accessors read parts only by a view for each part. Views that anything else refers to
+/// stay whole.
+pub(super) fn cut_views(doc: &mut Document) {
+    let whole = whole_views(&mut doc.json);
+    let mut parts: Vec<Vec<Part>> = whole.iter().map(|_| Vec::new()).collect();
+    for (view, part) in accessor_ranges(doc) {
+        match part {
+            Some(part) if !whole[view] => parts[view].push(part),
+            _ => {}
+        }
+    }
+    for (view, parts) in parts.into_iter().enumerate() {
+        let length = doc.json["bufferViews"][view]["byteLength"].as_u64().unwrap_or(0) as usize;
+        let joined = joined(parts, length);
+        let used: usize = joined.iter().map(|p| p.bytes.len()).sum();
+        if !joined.is_empty() && used + MOST_GAP < length {
+            cut(&mut doc.json, view, &joined);
+        }
+    }
+}
+
+/// For each view whether it must stay as it is: its bytes are compressed, or more than plain accessors refer to it.
+fn whole_views(json: &mut Value) -> Vec<bool> {
+    let mut whole: Vec<bool> = array(json, "bufferViews").map(|view| view.get("extensions").is_some()).collect();
+    let mut mark = |reference: Option<&Value>| {
+        if let Some(slot) = reference.and_then(unsigned).and_then(|view| whole.get_mut(view)) {
+            *slot = true;
+        }
+    };
+    for accessor in array(json, "accessors") {
+        mark(accessor.pointer("/sparse/indices/bufferView"));
+        mark(accessor.pointer("/sparse/values/bufferView"));
+    }
+    array(json, "images").for_each(|image| mark(image.get("bufferView")));
+    each_primitive(json, |primitive| {
+        mark(primitive.get("extensions").and_then(|e| e.get(DRACO)).and_then(|d| d.get("bufferView")));
+    });
+    whole
+}
+
+/// The view of each accessor that has one, and what it reads there. An unsound accessor reads nothing.
+fn accessor_ranges(doc: &Document) -> Vec<(usize, Option<Part>)> {
+    let accessors = doc.json.get("accessors").and_then(Value::as_array).into_iter().flatten();
+    let views = doc.json.get("bufferViews").and_then(Value::as_array).map_or(0, Vec::len);
+    let range = |(i, accessor): (usize, &Value)| {
+        let view = accessor.get("bufferView").and_then(unsigned).filter(|&view| view < views)?;
+        let start = accessor.get("byteOffset").map_or(Some(0), unsigned);
+        let end = start.and_then(|start| start.checked_add(Accessor::read(doc, i).ok()?.stored_bytes()));
+        let part = start.zip(end).map(|(start, end)| Part { bytes: start..end, accessors: vec![i] });
+        Some((view, part))
+    };
+    accessors.enumerate().filter_map(range).collect()
+}
+
+/// Parts that lie close together as one. They start at multiples of 4, so that what was aligned remains so.
+fn joined(mut parts: Vec<Part>, length: usize) -> Vec<Part> {
+    parts.sort_by_key(|p| (p.bytes.start, p.bytes.end));
+    let mut joined: Vec<Part> = Vec::new();
+    for part in parts {
+        let end = part.bytes.end.next_multiple_of(4).min(length);
+        match joined.last_mut() {
+            Some(last) if part.bytes.start <= last.bytes.end + MOST_GAP => {
+                last.bytes.end = last.bytes.end.max(end);
+                last.accessors.extend(part.accessors);
+            }
+            _ => joined.push(Part { bytes: part.bytes.start / 4 * 4..end, ..part }),
+        }
+    }
+    joined
+}
+
+fn cut(json: &mut Value, view: usize, parts: &[Part]) {
+    let original = json["bufferViews"][view].clone();
+    let offset = original.get("byteOffset").and_then(unsigned).unwrap_or(0);
+    for (number, part) in parts.iter().enumerate() {
+        let mut new = original.clone();
+        new["byteOffset"] = json!(offset + part.bytes.start);
+        new["byteLength"] = json!(part.bytes.len());
+        let index = match number {
+            0 => {
+                json["bufferViews"][view] = new;
+                view
+            }
+            _ => push(json, "bufferViews", new),
+        };
+        for &accessor in &part.accessors {
+            let accessor = &mut json["accessors"][accessor];
+            let start = accessor.get("byteOffset").and_then(unsigned).unwrap_or(0);
+            accessor["bufferView"] = index.into();
+            accessor["byteOffset"] = json!(start - part.bytes.start);
+        }
+    }
+}
