@@ -48,6 +48,8 @@ fn sheets(meshes: u32, n: u32, instances: u32) -> (Scene, Layout) {
         name: String::new(),
         node: i,
         source_node: i,
+        source_copy: None,
+        stand_in: None,
         copy: 0,
         mesh: MeshId(i % meshes),
         transform: DAffine3::from_translation(20.0 * noise3(i)) * turned(i),

@@ -28,8 +28,11 @@ fn motion(i: u32) -> DAffine3 {
     DAffine3::from_scale_rotation_translation(dvec3(side * scale, scale, scale), turn, place)
 }
 
+/// Normals, positions and triangles.
+type Written = (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<[u16; 3]>);
+
 /// The corners of a copy, with normals along z turned likewise, and its triangles, in reversed order if `reversed`.
-fn baked(i: u32, reversed: bool) -> (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<[u16; 3]>) {
+fn baked(i: u32, reversed: bool) -> Written {
     let (corners, mut triangles) = strip();
     let by = motion(i);
     if by.matrix3.determinant() < 0.0 {

@@ -1,7 +1,7 @@
 //! Merge keys, and what an earlier bake recorded.
 
 use raykiln_formats::Document;
-use raykiln_formats::contents::{Provenance, Source};
+use raykiln_formats::contents::{CopyOf, NodeSource, Provenance, Source, TriangleOrder};
 use raykiln_formats::document::{Component, Element, NewAccessor, Target};
 use serde_json::{Value, json};
 
@@ -123,4 +123,54 @@ fn malformed_provenance_is_ignored_with_a_warning() {
     ] {
         assert_eq!(provenance(&recorded(record.clone(), &runs)), (None, 1), "{record}");
     }
+}
+
+/// What the node of a document with two runs in accessor 1 stands for.
+fn node_source(record: Value) -> (Option<NodeSource>, usize) {
+    let runs = json!({ "componentType": 5125, "count": 4, "type": "SCALAR" });
+    let mut doc = primitive(
+        json!({ "attributes": { "POSITION": 0 } }),
+        &[(accessor(5126, "VEC3"), square()), (runs, words(&[4, 2, 0, 3]))],
+    );
+    doc.json["nodes"][0]["extras"] = json!({ "raykiln": { "source": record } });
+    let found = contents(&doc);
+    (found.nodes[0].source.clone(), found.warnings.len())
+}
+
+#[test]
+fn a_node_says_of_which_mesh_it_places_a_copy() {
+    assert_eq!(node_source(json!({ "node": 7 })), (Some(NodeSource { node: 7, copy_of: None }), 0));
+    let same = CopyOf { mesh: 3, order: None };
+    assert_eq!(node_source(json!({ "node": 7, "mesh": 3 })), (Some(NodeSource { node: 7, copy_of: Some(same) }), 0));
+    let (found, warnings) = node_source(json!({ "node": 7, "mesh": 3, "runs": 1 }));
+    let order = found.and_then(|s| s.copy_of).and_then(|c| c.order).expect("an order");
+    assert_eq!(
+        (0..6).map(|t| order.triangle(t)).collect::<Vec<_>>(),
+        [4, 5, 0, 1, 2].map(Some).into_iter().chain([None]).collect::<Vec<_>>()
+    );
+    assert_eq!(warnings, 0);
+}
+
+#[test]
+fn a_damaged_record_of_a_copy_is_a_warning() {
+    for record in [
+        json!({ "node": 7, "mesh": -1 }),
+        json!({ "node": 7, "mesh": 3, "runs": 0 }),
+        json!({ "node": 7, "mesh": 3, "runs": 99 }),
+        json!({ "node": 7, "mesh": 3, "runs": null }),
+    ] {
+        assert_eq!(node_source(record), (Some(NodeSource { node: 7, copy_of: None }), 1));
+    }
+    assert_eq!(node_source(json!({ "node": 5_000_000_000_u64 })), (None, 0));
+    assert_eq!(node_source(json!([])), (None, 0));
+}
+
+#[test]
+fn an_order_of_triangles_is_a_list_of_runs() {
+    assert_eq!(TriangleOrder::of(&[0, 1, 2]), None);
+    let order = TriangleOrder::of(&[2, 3, 0, 1, 4]).expect("not in order");
+    assert_eq!(order.runs(), [[2, 2], [0, 2], [4, 1]]);
+    assert_eq!(order.triangle(4), Some(4));
+    assert_eq!(TriangleOrder::new(vec![[u32::MAX, 1]]), None);
+    assert_eq!(TriangleOrder::new(vec![[1, 0]]).expect("empty runs do no harm").triangle(0), None);
 }
