@@ -129,7 +129,7 @@ fn malformed_provenance_is_ignored_with_a_warning() {
 fn node_source(record: Value) -> (Option<NodeSource>, usize) {
     let runs = json!({ "componentType": 5125, "count": 4, "type": "SCALAR" });
     let mut doc = primitive(
-        json!({ "attributes": { "POSITION": 0 } }),
+        json!({ "attributes": { "POSITION": 0 }, "mode": 5 }),
         &[(accessor(5126, "VEC3"), square()), (runs, words(&[4, 2, 0, 3]))],
     );
     doc.json["nodes"][0]["extras"] = json!({ "raykiln": { "source": record } });
