@@ -1,5 +1,6 @@
 //! Seconds to find copies among very many small meshes: `cargo bench --bench copies -- [MESHES]`, 100,000 by default.
-//! Every class is one that a quadratic search would not finish.
+//! The noisy cubes, which are nobody's copies, are the worst case: their lengths differ by little more than the error
+//! bars of a mesh far from the origin, so that very many are compared.
 
 use fastrand::Rng;
 use glam::{DAffine3, DQuat, DVec3, dvec3};
@@ -21,12 +22,11 @@ struct Class {
     copies: fn(usize) -> usize,
 }
 
-const CLASSES: [Class; 5] = [
+const CLASSES: [Class; 4] = [
     Class { name: "equal cubes", turned: false, shuffled: false, noise: 0.0, copies: |n| n - 1 },
     Class { name: "turned cubes", turned: true, shuffled: false, noise: 0.0, copies: |n| n - 1 },
     Class { name: "turned cubes, shuffled", turned: true, shuffled: true, noise: 0.0, copies: |n| n - 1 },
     Class { name: "noisy cubes", turned: true, shuffled: false, noise: 0.02, copies: |_| 0 },
-    Class { name: "hardly noisy cubes", turned: true, shuffled: false, noise: 2e-3, copies: |_| 0 },
 ];
 
 fn main() {

@@ -10,7 +10,8 @@
 //! Helps where an exporter flattened its scene; where it did not, the signatures differ and nothing more is looked at.
 //!
 //! Near-linear: meshes are sorted by a signature that no motion changes ([`signature`]), and only those within its
-//! error bars of a model are aligned with it ([`align`]). A mesh that resembles [`MOST_ATTEMPTS`] models without being a
+//! error bars of a model are aligned with it ([`align`]). Where very many meshes differ by little more than the
+//! tolerance, comparing signatures takes longer than that. A mesh that resembles [`MOST_ATTEMPTS`] models without being a
 //! copy of any is not tried again.
 
 mod align;
@@ -40,7 +41,7 @@ use signature::Signature;
 pub const TURNED: f64 = 5e-4;
 
 /// Models that a mesh is aligned with in vain before it counts as a model itself.
-pub const MOST_ATTEMPTS: u32 = 64;
+pub const MOST_ATTEMPTS: u32 = 16;
 
 /// Which copies are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -210,12 +211,11 @@ impl Search<'_> {
             if is_copy[at] {
                 continue;
             }
-            let later = |&other: &usize| other > at && !is_copy[other] && attempts[other] < MOST_ATTEMPTS;
-            let alike: Vec<usize> = buckets
-                .near(&group[at])
-                .filter(later)
-                .filter(|&other| self.may_be_copy(&group[at], &group[other]))
-                .collect();
+            let wanted = |other: usize| {
+                let free = other > at && !is_copy[other] && attempts[other] < MOST_ATTEMPTS;
+                free && self.may_be_copy(&group[at], &group[other])
+            };
+            let alike = buckets.near(&group[at], wanted);
             if alike.is_empty() {
                 continue;
             }

@@ -161,15 +161,15 @@ impl Buckets {
         std::array::from_fn(|i| (signature.lengths[BUCKET_RANKS[i]] / self.widths[i]) as i64)
     }
 
-    /// Those within the error bars of a signature, and some more, in ascending order.
-    pub(super) fn near(&self, signature: &Signature) -> impl Iterator<Item = usize> + use<> {
+    /// Those that are asked for among those within the error bars of a signature, and some more, in ascending order.
+    pub(super) fn near(&self, signature: &Signature, wanted: impl Fn(usize) -> bool) -> Vec<usize> {
         let cell = self.cell(signature);
         let mut near = Vec::new();
         for offset in 0..27 {
             let at = [cell[0] + offset % 3 - 1, cell[1] + offset / 3 % 3 - 1, cell[2] + offset / 9 - 1];
-            near.extend(self.cells.get(&at).into_iter().flatten().copied());
+            near.extend(self.cells.get(&at).into_iter().flatten().copied().filter(|&i| wanted(i)));
         }
         near.sort_unstable();
-        near.into_iter()
+        near
     }
 }
