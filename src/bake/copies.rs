@@ -40,7 +40,10 @@ impl FindCopies {
 /// Predicted cost that sharing may add, over the input's: what it saves is memory.
 const MOST_COST_RATIO: f64 = 1.01;
 
-/// Lets meshes stand in for their copies, unless their looser boxes cost too much. Returns the metrics of the scene
+/// Share of the input's predicted bytes of acceleration structures that `auto` must save to share at all.
+const LEAST_SAVED_RATIO: f64 = 0.05;
+
+/// Lets meshes stand in for their copies, unless their looser boxes cost too much or hardly any memory is saved. Returns the metrics of the scene
 /// with them, and what was done; nothing where the options leave the pass out.
 pub(super) fn share(
     doc: &Document,
@@ -54,12 +57,18 @@ pub(super) fn share(
     let found = copies::find(doc, scene, &limits);
     let (metrics, applied, reason) = match found.list.as_slice() {
         [] => (before.clone(), false, "no two meshes are alike".to_owned()),
-        _ => apply(doc, scene, before, &found),
+        _ => apply(doc, scene, before, &found, options.copies == FindCopies::ByMethod),
     };
     (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
 }
 
-fn apply(doc: &Document, scene: &mut Scene, before: &Metrics, found: &Copies) -> (Metrics, bool, String) {
+fn apply(
+    doc: &Document,
+    scene: &mut Scene,
+    before: &Metrics,
+    found: &Copies,
+    must_pay: bool,
+) -> (Metrics, bool, String) {
     let [copies, models] = [found.list.len(), found.models()];
     let words = match copies {
         1 => "1 mesh is a copy of another".to_owned(),
@@ -72,6 +81,12 @@ fn apply(doc: &Document, scene: &mut Scene, before: &Metrics, found: &Copies) ->
         let (with, without) = (metrics.two_level_cost, before.two_level_cost);
         let reason = format!("{words}, but turned boxes are looser: predicted cost {with:.2} against {without:.2}");
         return (before.clone(), false, reason);
+    }
+    let as_bytes = [before, &metrics].map(Metrics::as_bytes);
+    if must_pay && as_bytes[1] as f64 > (1.0 - LEAST_SAVED_RATIO) * as_bytes[0] as f64 {
+        copies::undo(scene);
+        let saved = bytes(as_bytes[0].saturating_sub(as_bytes[1]));
+        return (before.clone(), false, format!("{words}, but sharing them saves only {saved}"));
     }
     (metrics, true, format!("{words}; {} saved", bytes(stored_bytes(doc, scene, found))))
 }

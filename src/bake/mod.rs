@@ -74,21 +74,20 @@ pub fn bake(
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
     let (shared, copies) = copies::share(&doc, &mut scene, &before, options);
-    let mut chosen = choose::choose(&mut scene, &shared, &machine, &options.choose, &options.verify);
+    let mut chosen = choose::choose(&mut scene, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    let stage = |layout: &Layout, clock: &mut Clock| -> Result<_, BakeError> {
-        clock.enter(Stage::Write);
-        let written = write(&doc, &scene, layout, output, options.prune)?;
-        clock.enter(Stage::Verify);
-        let (after, verification) = verify_staged(&scene, written.staged.path(), output, &machine, &options.verify)?;
-        let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
-        Ok((written, after, verification, verdict))
-    };
-    let (mut written, mut after_scene, mut verification, mut verdict) = stage(&chosen.layout, &mut clock)?;
-    if chosen.measured && verdict == Verdict::NotFaster {
+    clock.enter(Stage::Write);
+    let mut written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
+    // The output is held against the input as it was read.
+    crate::copies::undo(&mut scene);
+    clock.enter(Stage::Verify);
+    let verify = |written: &Written| verify_staged(&scene, written, output, &machine, &options.verify);
+    let (mut after_scene, mut verification, mut verdict) = verify(&written)?;
+    if verdict == Verdict::NotFaster && chosen.measured && !emit::is_unchanged(&chosen.layout) {
         chosen = chosen.left_alone(&scene);
         drop(written);
-        (written, after_scene, verification, verdict) = stage(&chosen.layout, &mut clock)?;
+        written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
+        (after_scene, verification, verdict) = verify(&written)?;
     }
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_as_is(&after_scene) };
@@ -163,20 +162,22 @@ fn write(
     }
 }
 
-/// Reads the staged file back and traces it against the input.
+/// Reads the staged file back, traces it against the input, and says what came of it.
 fn verify_staged(
     before: &Scene,
-    staged: &Path,
+    written: &Written,
     output: &Path,
     machine: &Machine,
     options: &VerifyOptions,
-) -> Result<(Scene, Verification), BakeError> {
+) -> Result<(Scene, Verification, Verdict), BakeError> {
+    let staged = written.staged.path();
     let (mut after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
     if let (Some(hidden), Some(folder)) = (staged.parent(), output.parent()) {
         after.also_look_for_images(hidden, folder);
     }
     let verification = machine.verify(before, &after, options)?;
-    Ok((after, verification))
+    let verdict = verdict(&verification, &options.weights, written.unchanged);
+    Ok((after, verification, verdict))
 }
 
 /// Faster means: over the kinds of rays as they are weighted, by more than the speedup may be off.

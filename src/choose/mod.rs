@@ -82,17 +82,18 @@ impl Chosen {
 }
 
 /// Chooses a layout and readies it for writing. Instances that could not be written out within the position error
-/// allowed become pinned.
+/// allowed become pinned. `metrics` are those of the input, which bound bytes, and of the scene, in which meshes may
+/// stand in for copies.
 pub fn choose(
     scene: &mut Scene,
-    before: &Metrics,
+    metrics: [&Metrics; 2],
     machine: &Machine,
     options: &ChooseOptions,
     verify: &VerifyOptions,
 ) -> Chosen {
     match options.method {
         Choice::Method(method) => asked_for(scene, method, options, verify),
-        Choice::Auto => best(scene, before, machine, options, verify),
+        Choice::Auto => best(scene, metrics, machine, options, verify),
     }
 }
 
@@ -112,13 +113,14 @@ fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify:
 /// The best candidate.
 fn best(
     scene: &mut Scene,
-    before: &Metrics,
+    [input, before]: [&Metrics; 2],
     machine: &Machine,
     options: &ChooseOptions,
     verify: &VerifyOptions,
 ) -> Chosen {
-    let max_bytes_ratio = options.layout.max_bytes_ratio.or(Some(AUTO_MAX_BYTES_RATIO));
-    let told = layout::Options { max_bytes_ratio, ..options.layout.clone() };
+    let ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
+    let saved_ratio = input.as_bytes() as f64 / before.as_bytes().max(1) as f64;
+    let told = layout::Options { max_bytes_ratio: Some(ratio * saved_ratio), ..options.layout.clone() };
     let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
     let mut candidates = evaluate(scene, before, &plans, options, verify);
     let start = Instant::now();

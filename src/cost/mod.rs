@@ -47,6 +47,13 @@ pub struct Metrics {
     pub tlas_bytes: u64,
 }
 
+impl Metrics {
+    /// Predicted size of all acceleration structures in bytes.
+    pub fn as_bytes(&self) -> u64 {
+        self.blas_bytes.saturating_add(self.tlas_bytes)
+    }
+}
+
 /// Measures a layout of a scene. No metric is ever infinite or not a number; those over an area of 0 are 0.
 pub fn measure(scene: &Scene, layout: &Layout) -> Metrics {
     let structure = Structure::build(scene, layout);

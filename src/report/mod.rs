@@ -369,7 +369,7 @@ impl Candidate {
             measured_mrays_per_s: None,
             measured_speedup_ratio: None,
             outcome: "asked for".to_owned(),
-            as_bytes: metrics.blas_bytes.saturating_add(metrics.tlas_bytes),
+            as_bytes: metrics.as_bytes(),
             position_error_ratio: None,
             seconds,
         }
