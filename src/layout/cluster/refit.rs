@@ -31,10 +31,13 @@ impl Refit {
         for at in (0..self.nodes.len()).rev() {
             let (node, parent) = self.nodes[at];
             let node = &tree.nodes[node as usize];
-            for &i in &tree.order[node.items()] {
-                self.bounds[at] = self.bounds[at].union(&item(i));
-            }
-            let price = if node.is_leaf() { INTERSECTION * f64::from(node.count) } else { TRAVERSAL };
+            let price = if node.is_leaf() {
+                let items = &tree.order[node.items()];
+                self.bounds[at] = items.iter().fold(Bounds::EMPTY, |all, &i| all.union(&item(i)));
+                INTERSECTION * f64::from(node.count)
+            } else {
+                TRAVERSAL
+            };
             cost += price * self.bounds[at].area();
             if at > 0 {
                 self.bounds[parent as usize] = self.bounds[parent as usize].union(&self.bounds[at]);
