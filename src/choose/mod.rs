@@ -181,7 +181,12 @@ fn race(
     if chosen.is_empty() {
         return Err("no candidate differs from the input".to_owned());
     }
-    let scene_of = |i: usize| layout::stored(scene, &candidates[chosen[i]].laid.layout);
+    // As they would be written: the order of triangles matters to some drivers.
+    let scene_of = |i: usize| {
+        let mut layout = candidates[chosen[i]].laid.layout.clone();
+        layout::order_by_tree(scene, &mut layout);
+        layout::stored(scene, &layout)
+    };
     let laps = machine.race(scene, chosen.len(), scene_of, verify).ok_or("no device traces rays: the model decides")?;
     let mut count = 0;
     for (&i, lap) in chosen.iter().zip(laps?) {

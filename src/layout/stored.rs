@@ -1,13 +1,14 @@
 //! The scene that a layout comes to, as a ray tracer sees it.
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, Vec3};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use super::{Content, GroupGeometry, Layout};
 use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, InstanceId, Mesh, MeshId, Scene, TriangleRef};
 
 /// The scene of a layout: one mesh for each group, one instance for each placement, in their order; positions as they
-/// would be stored, rounded once. For tracing only: vertices are not shared, and nothing says where a triangle comes from.
+/// would be stored, rounded once. For tracing only: nothing says where a triangle comes from.
 pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
     let meshes = layout.groups.par_iter().map(|group| mesh(scene, &group.content)).collect();
     let instance = |placement: &super::Placement| Instance {
@@ -30,70 +31,90 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
 fn mesh(scene: &Scene, content: &Content) -> Mesh {
     match content {
         Content::Kept(mesh) => scene.meshes[mesh.0 as usize].clone(),
-        Content::Piece(mesh, geometries) => {
-            let mesh = &scene.meshes[mesh.0 as usize];
-            geometries_of(scene, geometries, |at| mesh.corners(at.triangle), |_| false)
-        }
-        Content::Baked { frame, geometries } => {
-            let into = frame.inverse();
-            let mirrored = |at: TriangleRef| scene.instances[at.instance as usize].mirrored();
-            geometries_of(scene, geometries, |at| scene.world_corners(at).map(|p| rounded(&into, p)), mirrored)
-        }
+        Content::Piece(_, geometries) => geometries_of(scene, geometries, None),
+        Content::Baked { frame, geometries } => geometries_of(scene, geometries, Some(frame.inverse())),
     }
 }
 
-fn rounded(into: &DAffine3, point: DVec3) -> Vec3 {
-    if *into == DAffine3::IDENTITY { point.as_vec3() } else { into.transform_point3(point).as_vec3() }
-}
-
-/// Geometries with corners as given, the second and third of which are exchanged in mirrored triangles.
-fn geometries_of(
-    scene: &Scene,
-    geometries: &[GroupGeometry],
-    corners: impl Fn(TriangleRef) -> [Vec3; 3] + Sync,
-    mirrored: impl Fn(TriangleRef) -> bool,
-) -> Mesh {
+/// Geometries in a frame, group from world; in the coordinates of their mesh without.
+fn geometries_of(scene: &Scene, geometries: &[GroupGeometry], frame: Option<DAffine3>) -> Mesh {
     let mut first_triangle = 0;
     let geometry = |(primitive, of): (usize, &GroupGeometry)| {
-        let count = of.triangles.len() as u32;
-        first_triangle += count;
+        first_triangle += of.triangles.len() as u32;
         Geometry {
             primitive: primitive as u32,
             material: of.material,
             opacity: of.opacity,
-            alpha: alpha(scene, &of.triangles, &mirrored),
             merge_class: of.merge_class,
-            first_triangle: first_triangle - count,
-            positions: of.triangles.par_iter().flat_map_iter(|&at| corners(at)).collect(),
-            triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
-            ..Geometry::default()
+            first_triangle: first_triangle - of.triangles.len() as u32,
+            ..Vertices::collect(scene, &of.triangles, frame).geometry()
         }
     };
     Mesh { geometries: geometries.iter().enumerate().map(geometry).collect(), ..Mesh::default() }
 }
 
-/// What the triangles of an alpha-tested geometry test, which is the same texture for one material.
-fn alpha(scene: &Scene, triangles: &[TriangleRef], mirrored: impl Fn(TriangleRef) -> bool) -> Option<AlphaTest> {
-    let source = |at: TriangleRef| {
-        let mesh = scene.mesh_of(InstanceId(at.instance));
-        let (geometry, triangle) = mesh.locate(at.triangle);
-        (&mesh.geometries[geometry], triangle)
-    };
-    let first = source(*triangles.first()?).0.alpha.as_ref()?;
-    let texture = first.texture.as_ref().map(|texture| {
-        let of_triangle = |&at: &TriangleRef| {
-            let (geometry, triangle) = source(at);
-            let placed =
-                geometry.alpha.as_ref().and_then(|alpha| alpha.texture.as_ref()).map(|t| t.texcoords.as_slice());
-            let [a, b, c] = geometry.triangles[triangle];
-            let order = if mirrored(at) { [a, c, b] } else { [a, b, c] };
-            order.map(|vertex| placed.and_then(|p| p.get(vertex as usize)).copied().unwrap_or_default())
+/// The vertices of a geometry, each stored once: drivers join triangles that share them.
+struct Vertices<'a> {
+    scene: &'a Scene,
+    frame: Option<DAffine3>,
+    /// Instance (0 without a frame), geometry and vertex of the source, in order of first use.
+    list: Vec<(u32, u32, u32)>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl<'a> Vertices<'a> {
+    fn collect(scene: &'a Scene, refs: &[TriangleRef], frame: Option<DAffine3>) -> Vertices<'a> {
+        let mut vertices = Vertices { scene, frame, list: Vec::new(), triangles: Vec::with_capacity(refs.len()) };
+        let mut numbers: FxHashMap<(u32, u32, u32), u32> = FxHashMap::default();
+        for &at in refs {
+            let mesh = scene.mesh_of(InstanceId(at.instance));
+            let (geometry, triangle) = mesh.locate(at.triangle);
+            let [a, b, c] = mesh.geometries[geometry].triangles[triangle];
+            let mirrored = frame.is_some() && scene.instances[at.instance as usize].mirrored();
+            let list = &mut vertices.list;
+            let corners = if mirrored { [a, c, b] } else { [a, b, c] }.map(|vertex| {
+                let key = (at.instance, geometry as u32, vertex);
+                *numbers.entry(key).or_insert_with(|| {
+                    list.push(key);
+                    list.len() as u32 - 1
+                })
+            });
+            vertices.triangles.push(corners);
+        }
+        vertices
+    }
+
+    fn geometry(self) -> Geometry {
+        let positions = self.list.par_iter().map(|&vertex| self.position(vertex)).collect();
+        Geometry { positions, alpha: self.alpha(), triangles: self.triangles, ..Geometry::default() }
+    }
+
+    fn source(&self, (instance, geometry, _): (u32, u32, u32)) -> &'a Geometry {
+        &self.scene.mesh_of(InstanceId(instance)).geometries[geometry as usize]
+    }
+
+    /// In the frame, computed in double precision and rounded once.
+    fn position(&self, vertex: (u32, u32, u32)) -> Vec3 {
+        let stored = self.source(vertex).positions[vertex.2 as usize];
+        let Some(frame) = self.frame else { return stored };
+        let world = self.scene.instances[vertex.0 as usize].transform.transform_point3(stored.as_dvec3());
+        if frame == DAffine3::IDENTITY { world.as_vec3() } else { frame.transform_point3(world).as_vec3() }
+    }
+
+    /// What the triangles of an alpha-tested geometry test, which is the same texture for one material.
+    fn alpha(&self) -> Option<AlphaTest> {
+        let first = self.source(*self.list.first()?).alpha.as_ref()?;
+        let placed = |&vertex: &(u32, u32, u32)| {
+            let texture = self.source(vertex).alpha.as_ref().and_then(|alpha| alpha.texture.as_ref());
+            texture.and_then(|t| t.texcoords.get(vertex.2 as usize)).copied().unwrap_or_default()
         };
-        let known = !texture.texcoords.is_empty();
-        let texcoords = if known { triangles.iter().flat_map(of_triangle).collect() } else { Vec::new() };
-        AlphaTexture { texcoords, ..*texture }
-    });
-    Some(AlphaTest { texture, ..*first })
+        let texture = first.texture.as_ref().map(|texture| {
+            let known = !texture.texcoords.is_empty();
+            let texcoords = if known { self.list.iter().map(placed).collect() } else { Vec::new() };
+            AlphaTexture { texcoords, ..*texture }
+        });
+        Some(AlphaTest { texture, ..*first })
+    }
 }
 
 #[cfg(test)]
@@ -101,6 +122,7 @@ mod tests {
     use super::super::test_scenes::*;
     use super::super::{Method, Options, run};
     use super::*;
+    use glam::DVec3;
     use proptest::prelude::*;
 
     /// World corners of all placed triangles, sorted.

@@ -64,10 +64,9 @@ impl Ground {
         let own = self.parts.as_ref().map_or(&none, |parts| &parts.own);
         let known = Known { tree: &self.tree, facts: &self.facts, own, base: self.base };
         let (groups, cost) = programme::cut(&known, limits);
-        match self.cut_without_units(limits) {
-            Some((others, less)) if less < cost => others,
-            _ => groups,
-        }
+        let peeled = limits.max_extent.is_infinite().then(|| programme::peel(&known, limits)).flatten();
+        let others = [self.cut_without_units(limits), peeled];
+        others.into_iter().flatten().fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best }).0
     }
 
     /// The groups where every unit leaves that costs less so, and their cost; `None` where none does.

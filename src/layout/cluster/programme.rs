@@ -40,6 +40,70 @@ struct Decision {
     at_top: AtTop,
 }
 
+/// Cuts a tree that is too large for one group by taking as little off it as will do: one group stays in the frame of
+/// the tree, and parts leave it as they are; gives them and the cost. `None` where that cannot be done.
+///
+/// What to take off is found for a price a triangle (H. Everett, "Generalized Lagrange Multiplier Method", 1963): the
+/// parts worth most over what entering them costs, at the least price that takes off enough.
+pub(super) fn peel(known: &Known, limits: &Limits) -> Option<(Vec<Group>, f64)> {
+    let root = known.facts.first()?;
+    let excess = root.triangles.checked_sub(limits.max_triangles)?;
+    let costs = |at: usize| limits.leaving_cost() * known.facts[at].loose;
+    let (mut low, mut high) = (0.0, limits.leaving_cost() * root.loose * 2.0);
+    let mut enough = None;
+    for _ in 0..PRICES {
+        let price = 0.5 * (low + high);
+        let taken = worth_taking(known, limits, price);
+        let count: u32 = taken.iter().map(|&at| known.facts[at as usize].triangles).sum();
+        if count >= excess {
+            (high, enough) = (price, Some(taken));
+        } else {
+            low = price;
+        }
+    }
+    let taken = enough?;
+    let cost = limits.entry_cost * root.loose + root.inside + taken.iter().map(|&at| costs(at as usize)).sum::<f64>();
+    Some((peeled(known, &taken), cost))
+}
+
+/// Halvings of the price a triangle.
+const PRICES: usize = 40;
+
+/// The disjoint parts that together are worth most, at a price a triangle less what entering them costs.
+fn worth_taking(known: &Known, limits: &Limits, price: f64) -> Vec<u32> {
+    let mut worth = vec![0.0; known.tree.nodes.len()];
+    let mut whole = vec![false; known.tree.nodes.len()];
+    for (at, node) in known.tree.nodes.iter().enumerate().rev() {
+        let fact = &known.facts[at];
+        let parts = if node.is_leaf() { 0.0 } else { worth[node.first as usize] + worth[node.first as usize + 1] };
+        let own = price * f64::from(fact.triangles) - limits.leaving_cost() * fact.loose;
+        whole[at] = at > 0 && fact.triangles <= limits.max_triangles && own > parts;
+        worth[at] = if whole[at] { own } else { parts };
+    }
+    let (mut taken, mut nodes) = (Vec::new(), vec![0u32]);
+    while let Some(at) = nodes.pop() {
+        let node = &known.tree.nodes[at as usize];
+        if whole[at as usize] {
+            taken.push(at);
+        } else if !node.is_leaf() {
+            nodes.extend([node.first + 1, node.first]);
+        }
+    }
+    taken
+}
+
+/// The groups of the parts taken off, after the group of what stays.
+fn peeled(known: &Known, taken: &[u32]) -> Vec<Group> {
+    let items = |at: u32| known.tree.order[known.tree.items_below(at)].to_vec();
+    let mut stays = known.tree.order.clone();
+    for &at in taken.iter().rev() {
+        stays.drain(known.tree.items_below(at));
+    }
+    let whole = Group { items: stays, frame: known.base };
+    let parts = taken.iter().map(|&at| Group { items: items(at), frame: known.base });
+    std::iter::once(whole).filter(|g| !g.items.is_empty()).chain(parts).collect()
+}
+
 /// What a node is that is not within a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum AtTop {
