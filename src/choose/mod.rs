@@ -118,16 +118,17 @@ fn best(
     options: &ChooseOptions,
     verify: &VerifyOptions,
 ) -> Chosen {
-    let ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
-    let saved_ratio = input.as_bytes() as f64 / before.as_bytes().max(1) as f64;
-    let told = layout::Options { max_bytes_ratio: Some(ratio * saved_ratio), ..options.layout.clone() };
+    let max_bytes_ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
+    let told = layout::Options { max_bytes_ratio: Some(max_bytes_ratio), ..options.layout.clone() };
     let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
     let mut candidates = evaluate(scene, before, &plans, options, verify);
     let start = Instant::now();
     let raced = race(scene, machine, &mut candidates, options.effort, verify);
     passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
     let measured = raced.is_ok_and(|count| count > 0);
-    let decision = decide::decide(&mut candidates, &verify.weights, &told, measured);
+    let most_bytes = max_bytes_ratio * input.as_bytes() as f64;
+    let bounds = decide::Bounds { most_bytes, most_triangles: told.max_group_triangles };
+    let decision = decide::decide(&mut candidates, &verify.weights, &bounds, measured);
     let winner = candidates.swap_remove(decision.winner);
     let mut reports: Vec<_> = candidates.iter().map(|c| c.report(&verify.weights)).collect();
     let last = reports.len();

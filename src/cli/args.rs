@@ -12,7 +12,7 @@ use crate::choose::plans::Effort;
 use crate::choose::{Choice, ChooseOptions};
 use crate::compare::MatchBy;
 use crate::copies::Likeness;
-use crate::layout::{self, Method};
+use crate::layout::{self, Instances, Method};
 use crate::scene::LoadOptions;
 use crate::verify::build::{BlasPer, BuildOptions, Prefer};
 use crate::verify::weights::Weights;
@@ -165,6 +165,9 @@ struct LayoutArguments {
     /// the input's [default: 1.25 for auto, no limit otherwise]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     max_bytes_ratio: Option<f64>,
+    /// What a method does with instances of meshes that several place
+    #[arg(long, value_enum, default_value_t = InstancesArgument::BakeOrKeep)]
+    instances: InstancesArgument,
     /// cluster: what it costs to enter an instance, in steps from node to node
     #[arg(long, value_name = "STEPS", default_value_t = layout::Options::default().entry_cost, value_parser = ratio)]
     entry_cost: f64,
@@ -214,6 +217,14 @@ pub(super) struct VerifyArguments {
     /// What goes into one BLAS
     #[arg(long, value_enum, value_name = "PART", default_value_t = BlasPerArgument::Mesh)]
     blas_per: BlasPerArgument,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum InstancesArgument {
+    /// Bake all instances of a mesh or none, as --max-bytes-ratio allows
+    BakeOrKeep,
+    /// Keep, open into shared pieces or bake: what is predicted to cost least within --max-bytes-ratio
+    Choose,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -363,6 +374,10 @@ impl BakeArguments {
                     termination_overlap_ratio: l.termination_overlap_ratio,
                     min_triangles: l.min_triangles,
                     max_bytes_ratio: l.max_bytes_ratio,
+                    instances: match l.instances {
+                        InstancesArgument::BakeOrKeep => Instances::BakeOrKeep,
+                        InstancesArgument::Choose => Instances::Choose,
+                    },
                     entry_cost: l.entry_cost,
                     frames: l.frames,
                     max_group_triangles: l.max_group_triangles,

@@ -4,6 +4,7 @@ pub mod boxes;
 pub mod bytes;
 pub mod overlap;
 pub mod sah;
+pub mod segments;
 pub mod structure;
 pub mod surface;
 pub mod tree;

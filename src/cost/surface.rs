@@ -108,7 +108,7 @@ fn triangle_at(mesh: &Mesh, chunks: &Chunks, axis: usize, target: f64) -> u32 {
 }
 
 /// G. L. Steele, D. Lea, C. H. Flood, "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014.
-struct SplitMix64(u64);
+pub(super) struct SplitMix64(pub(super) u64);
 
 impl SplitMix64 {
     fn next(&mut self) -> u64 {
@@ -120,7 +120,7 @@ impl SplitMix64 {
     }
 
     /// A number from 0 up to, and without, 1.
-    fn unit(&mut self) -> f64 {
+    pub(super) fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 

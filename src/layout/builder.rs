@@ -84,6 +84,8 @@ pub(super) struct Builder<'a> {
     first_instance: Vec<u32>,
     whole: Vec<Option<u32>>,
     pieces: BTreeMap<(MeshId, u32), u32>,
+    /// The groups of the pieces of each mesh that is opened.
+    opened: BTreeMap<MeshId, Vec<u32>>,
     layout: Layout,
     baked: Vec<Group>,
 }
@@ -96,6 +98,7 @@ impl<'a> Builder<'a> {
             first_instance: first_instances(scene),
             whole: vec![None; scene.meshes.len()],
             pieces: BTreeMap::new(),
+            opened: BTreeMap::new(),
             layout: Layout::default(),
             baked: Vec::new(),
         }
@@ -140,6 +143,35 @@ impl<'a> Builder<'a> {
             }
         };
         self.place(group, instance);
+    }
+
+    /// Places the pieces of an instance's mesh, which all its opened instances share, instead of the mesh. The
+    /// triangles of each piece are those in `pieces`, which runs parallel to the meshes.
+    pub(super) fn open(&mut self, instance: InstanceId, pieces: &[Vec<Vec<u32>>]) {
+        let mesh = self.scene.instances[instance.0 as usize].mesh;
+        let groups = match self.opened.get(&mesh) {
+            Some(groups) => groups.clone(),
+            None => {
+                let groups: Vec<u32> =
+                    (0..).zip(&pieces[mesh.0 as usize]).map(|(i, piece)| self.push_part(mesh, i, piece)).collect();
+                self.opened.insert(mesh, groups.clone());
+                groups
+            }
+        };
+        groups.into_iter().for_each(|group| self.place(group, instance));
+    }
+
+    /// Adds a group of some triangles of a mesh, in ascending order.
+    fn push_part(&mut self, mesh: MeshId, number: usize, triangles: &[u32]) -> u32 {
+        let instance = self.first_instance[mesh.0 as usize];
+        let of = &self.scene.meshes[mesh.0 as usize];
+        let mut geometries = Geometries::default();
+        for run in triangles.chunk_by(|&a, &b| of.locate(a).0 == of.locate(b).0) {
+            let geometry = &of.geometries[of.locate(run[0]).0];
+            geometries.add(geometry, run.iter().map(|&triangle| TriangleRef { instance, triangle }));
+        }
+        let base = if of.name.is_empty() { "object" } else { &of.name };
+        self.push(format!("{base}.{number}"), Content::Piece(mesh, geometries.finish()))
     }
 
     /// Places the whole mesh of an instance with one geometry for each material and merge class.

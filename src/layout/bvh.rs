@@ -29,7 +29,7 @@ const BINS: usize = 16;
 pub(super) fn bvh(scene: &Scene, options: &Options) -> Layout {
     bake_within_limits(scene, options, |selection| {
         let mut layout = Builder::new(scene);
-        selection.left().for_each(|instance| layout.keep(instance));
+        selection.place_left(&mut layout);
         let mut pieces = Pieces::new(scene, selection);
         let leaves = split_all(&mut pieces, options, &mut layout);
         pieces.emit(&leaves, &mut layout);

@@ -120,6 +120,18 @@ impl Method {
     }
 }
 
+/// What a method does with the instances of a mesh that several place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Instances {
+    /// All instances of a mesh are baked or all stay, the cheapest meshes first, as [`Options::max_bytes_ratio`]
+    /// allows.
+    #[default]
+    BakeOrKeep,
+    /// For each mesh and instance: keep it, open it into pieces of its mesh that all opened instances share, or bake
+    /// it; whatever is predicted to cost least within [`Options::max_bytes_ratio`].
+    Choose,
+}
+
 /// What a method may be told. Ratios run from 0 to 1 unless said otherwise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -139,7 +151,9 @@ pub struct Options {
     pub min_triangles: usize,
     /// Predicted BLAS and TLAS bytes allowed over the input's; instances stay instanced beyond it. `None`: no limit.
     pub max_bytes_ratio: Option<f64>,
-    /// `cluster`: what it costs to enter an instance, in steps from node to node.
+    /// What is done with instances of shared meshes; `keep` and `per-object` leave them as they are.
+    pub instances: Instances,
+    /// `cluster`, [`Instances::Choose`]: what it costs to enter an instance, in steps from node to node.
     pub entry_cost: f64,
     /// `cluster`: whether groups may be stored in frames of their own.
     pub frames: bool,
@@ -165,6 +179,7 @@ impl Default for Options {
             termination_overlap_ratio: 0.0,
             min_triangles: 8,
             max_bytes_ratio: None,
+            instances: Instances::BakeOrKeep,
             entry_cost: crate::cost::two_level::INSTANCE_ENTRY,
             frames: true,
             min_turned_triangles: 16,

@@ -42,7 +42,7 @@ const FEW_OBJECTS: usize = 1 << 11;
 pub(super) fn overlap(scene: &Scene, options: &Options) -> Layout {
     bake_within_limits(scene, options, |selection| {
         let mut layout = Builder::new(scene);
-        selection.left().for_each(|instance| layout.keep(instance));
+        selection.place_left(&mut layout);
         let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
         let (groups, least) = reduction.least_overlap();
         let input = overlap::ratio(&scene.instance_boxes());

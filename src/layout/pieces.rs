@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::builder::{Builder, Geometries, Object, objects};
 use super::instancing::Selection;
-use crate::scene::{Bounds, Geometry, InstanceId, Mesh, Scene, TriangleRef};
+use crate::scene::{Bounds, Geometry, Scene, TriangleRef};
 
 /// A triangle as far as dividing needs it.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +78,7 @@ impl<'a> Pieces<'a> {
         let shared: Vec<bool> = objects.iter().map(|o| uses[mesh_of(o)] > 1).collect();
         let bounds: Vec<Bounds> =
             objects.par_iter().zip(&shared).map(|(&object, &shared)| placed_bounds(scene, object, shared)).collect();
-        let others: Vec<Bounds> = instance_bounds(scene, selection.left());
+        let others: Vec<Bounds> = selection.left_bounds(scene);
         let all = bounds.iter().chain(&others).fold(Bounds::EMPTY, |all, b| all.union(b));
         Pieces {
             scene,
@@ -249,20 +249,6 @@ fn placed_bounds(scene: &Scene, object: Object, baked: bool) -> Bounds {
         let transform = &scene.instances[object.instance as usize].transform;
         geometry_bounds(object.geometry(scene)).transformed(transform)
     }
-}
-
-/// The boxes with which instances are placed.
-fn instance_bounds(scene: &Scene, instances: impl Iterator<Item = InstanceId>) -> Vec<Bounds> {
-    let mut of_mesh: Vec<Option<Bounds>> = vec![None; scene.meshes.len()];
-    let mesh_bounds = |mesh: &Mesh| mesh.geometries.iter().map(geometry_bounds).fold(Bounds::EMPTY, |a, b| a.union(&b));
-    instances
-        .map(|i| {
-            let instance = &scene.instances[i.0 as usize];
-            let mesh = instance.mesh.0 as usize;
-            let bounds = of_mesh[mesh].get_or_insert_with(|| mesh_bounds(&scene.meshes[mesh]));
-            bounds.transformed(&instance.transform)
-        })
-        .collect()
 }
 
 /// The box of a geometry, in the coordinates of its mesh.

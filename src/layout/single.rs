@@ -14,7 +14,7 @@ use crate::scene::{InstanceId, Scene};
 pub(super) fn single(scene: &Scene, options: &Options) -> Layout {
     bake_within_limits(scene, options, |bake| {
         let mut layout = Builder::new(scene);
-        bake.left().for_each(|instance| layout.keep(instance));
+        bake.place_left(&mut layout);
         join_all(scene, &bake.baked().collect::<Vec<_>>(), &mut layout);
         layout.finish()
     })

@@ -109,7 +109,7 @@ pub(super) fn cluster(scene: &Scene, options: &Options, cache: &mut Cache) -> La
     let cache = std::cell::RefCell::new(cache);
     bake_within_limits(scene, options, |bake| {
         let mut layout = Builder::new(scene);
-        bake.left().for_each(|instance| layout.keep(instance));
+        bake.place_left(&mut layout);
         let baked: Vec<InstanceId> = bake.baked().collect();
         let ground = cache.borrow_mut().ground(scene, &baked, options);
         let groups = ground.as_ref().map_or(Vec::new(), |g| g.cut(&Limits::of(options, g.extent())));

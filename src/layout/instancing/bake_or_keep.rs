@@ -1,47 +1,16 @@
-//! Which instances a method may write out: what memory allows.
+//! All instances of a mesh are baked, or none.
 //!
-//! A mesh that one instance places costs nothing to restructure. Of a mesh that several place, either all instances
-//! that are not pinned are baked or none: cheapest meshes first, by the predicted bytes that their copies add, as
-//! long as two limits hold. [`Options::max_bytes_ratio`] is the user's. [`MOST_COPIED_TRIANGLES`] keeps a small file
-//! of many instances of a large mesh from exhausting memory.
+//! Of a mesh that several instances place, either all that are not pinned are baked or none: cheapest meshes first, by
+//! the predicted bytes that their copies add, as long as the limits hold.
 
-use super::{Content, Layout, Options};
+use super::super::{Layout, Options};
+use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, layout_bytes, placed_bytes};
 use crate::cost::bytes;
-use crate::scene::{InstanceId, Scene};
-
-/// Triangles written out for instances of shared meshes, at most: a few gigabytes of references, vertices and
-/// indices.
-const MOST_COPIED_TRIANGLES: u64 = 1 << 26;
-
-/// Triangles restructured at most: `VkPhysicalDeviceAccelerationStructurePropertiesKHR::maxPrimitiveCount` is at
-/// least 2^29 - 1, and `single` puts all of them into one BLAS.
-const MOST_TRIANGLES: u64 = (1 << 29) - 1;
-
-/// The instances of a scene parted into those that a method restructures and those that it leaves.
-pub(super) struct Selection {
-    baked: Vec<bool>,
-}
-
-impl Selection {
-    /// The instances to be restructured, in the order of the scene.
-    pub(super) fn baked(&self) -> impl Iterator<Item = InstanceId> + '_ {
-        self.instances(true)
-    }
-
-    /// The instances that stay as they are, in the order of the scene.
-    pub(super) fn left(&self) -> impl Iterator<Item = InstanceId> + '_ {
-        self.instances(false)
-    }
-
-    fn instances(&self, baked: bool) -> impl Iterator<Item = InstanceId> + '_ {
-        let ids = self.baked.iter().enumerate().filter(move |(_, b)| **b == baked);
-        ids.map(|(i, _)| InstanceId(i as u32))
-    }
-}
+use crate::scene::{Instance, Scene};
 
 /// Runs a method on as many instances as the limits allow. The predicted bytes of its own result decide: if they
 /// exceed the limit although the estimate did not, the most expensive meshes are left instanced and it runs again.
-pub(super) fn bake_within_limits(scene: &Scene, options: &Options, method: impl Fn(&Selection) -> Layout) -> Layout {
+pub(super) fn run(scene: &Scene, options: &Options, method: impl Fn(&Selection) -> Layout) -> Layout {
     let candidates = candidates(scene);
     let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
     let within_memory = prefix(&candidates, |sum| sum.fits_memory());
@@ -152,38 +121,9 @@ fn without_excess(chosen: &[Candidate], excess: f64) -> usize {
 fn select(scene: &Scene, chosen: &[Candidate]) -> Selection {
     let mut by_mesh = vec![false; scene.meshes.len()];
     chosen.iter().for_each(|c| by_mesh[c.mesh as usize] = true);
-    let baked = scene.instances.iter().map(|i| i.pinned.is_none() && by_mesh[i.mesh.0 as usize]).collect();
-    Selection { baked }
-}
-
-/// Predicted bytes of the scene as the document has it, with the meshes for which others stand in.
-fn input_bytes(scene: &Scene) -> u64 {
-    bytes_of(scene, |_| true)
-}
-
-/// Predicted bytes of the scene as its instances place it.
-fn placed_bytes(scene: &Scene) -> u64 {
-    let mut placed = vec![false; scene.meshes.len()];
-    scene.instances.iter().for_each(|i| placed[i.mesh.0 as usize] = true);
-    bytes_of(scene, |mesh| placed[mesh])
-}
-
-fn bytes_of(scene: &Scene, counts: impl Fn(usize) -> bool) -> u64 {
-    let meshes = scene.meshes.iter().enumerate().filter(|(i, _)| counts(*i));
-    let blases = meshes.map(|(_, m)| bytes::blas(m.triangle_count() as u64)).fold(0, u64::saturating_add);
-    blases.saturating_add(bytes::tlas(scene.instances.len() as u64))
-}
-
-fn layout_bytes(scene: &Scene, layout: &Layout) -> u64 {
-    let triangles = |content: &Content| match content {
-        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
-        Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
-            geometries.iter().map(|g| g.triangles.len()).sum()
-        }
-    };
-    let blas = |sum: u64, triangles| sum.saturating_add(bytes::blas(triangles as u64));
-    let blases = layout.groups.iter().map(|g| triangles(&g.content)).fold(0, blas);
-    blases.saturating_add(bytes::tlas(layout.placements.len() as u64))
+    let is_baked = |i: &Instance| i.pinned.is_none() && by_mesh[i.mesh.0 as usize];
+    let fates = scene.instances.iter().map(|i| if is_baked(i) { Fate::Bake } else { Fate::Keep }).collect();
+    Selection { fates, pieces: vec![Vec::new(); scene.meshes.len()] }
 }
 
 fn note(left: &[Candidate], why: &str) -> Option<String> {
@@ -198,8 +138,8 @@ fn note(left: &[Candidate], why: &str) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::single::single;
-    use super::super::test_scenes::*;
+    use super::super::super::single::single;
+    use super::super::super::test_scenes::*;
     use super::*;
     use crate::scene::Pinned;
     use glam::{DAffine3, Vec3};

@@ -1,0 +1,160 @@
+//! What could be done with the instances of one mesh, and what it would take and cost.
+
+use super::tally::{Count, Tally};
+use crate::cost::bytes;
+
+/// Bytes of a baked group that a device's caches hold, and by which share a step within a group costs more for every
+/// time the group doubles beyond: the last-level cache of an NVIDIA H200 is 50 MB.
+const CACHE_BYTES: f64 = 50e6;
+const DEARER_PER_DOUBLING: f64 = 0.25;
+
+/// Shares of the instances that may be baked, those that gain most by it first.
+const BAKED_SHARES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
+
+/// Something to be done with the instances of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Plan {
+    /// The cut into whose pieces the instances that are not baked are opened; 0 to keep them.
+    pub(super) level: usize,
+    /// Nodes whose instances are baked: the first of [`Mesh::order`].
+    pub(super) baked: usize,
+    /// Predicted bytes of the structures of the mesh.
+    pub(super) bytes: f64,
+    /// Predicted cost: steps of all segments.
+    pub(super) cost: f64,
+    /// Triangles written out.
+    pub(super) copied: u64,
+    /// Instances in the TLAS.
+    pub(super) placements: u64,
+}
+
+impl Plan {
+    /// To keep all instances of a mesh that was not looked at; its bytes are not of interest.
+    pub(super) const NONE: Plan = Plan { level: 0, baked: 0, bytes: 0.0, cost: 0.0, copied: 0, placements: 0 };
+
+    /// Whether all instances stay as they are.
+    pub(super) fn keeps(&self) -> bool {
+        self.level == 0 && self.baked == 0
+    }
+}
+
+/// A mesh that several instances place, some of which need not stay.
+pub(super) struct Mesh {
+    pub(super) triangles: u64,
+    /// Triangles of each piece of every cut.
+    pub(super) pieces: Vec<Vec<u64>>,
+    /// Instances (indices into those counted) of every node; the copies of a node share their fate.
+    pub(super) nodes: Vec<Vec<usize>>,
+    /// Nodes by what they gain from being baked, most first.
+    pub(super) order: Vec<usize>,
+    /// Instances that must stay as they are.
+    pub(super) pinned: u64,
+    pub(super) tally: Tally,
+}
+
+impl Mesh {
+    /// Sorts the nodes and makes the mesh.
+    pub(super) fn new(
+        triangles: u64,
+        pieces: Vec<Vec<u64>>,
+        nodes: Vec<Vec<usize>>,
+        pinned: u64,
+        tally: Tally,
+        entry_cost: f64,
+    ) -> Mesh {
+        let gain = |node: &Vec<usize>| -> f64 {
+            let of = |&i: &usize| price(tally.levels[0][i], entry_cost) - price(tally.baked[i], entry_cost);
+            node.iter().map(of).sum()
+        };
+        let gains: Vec<f64> = nodes.iter().map(gain).collect();
+        let mut order: Vec<usize> = (0..nodes.len()).collect();
+        order.sort_by(|&a, &b| gains[b].total_cmp(&gains[a]).then(a.cmp(&b)));
+        Mesh { triangles, pieces, nodes, order, pinned, tally }
+    }
+
+    /// All plans; the first keeps every instance. `has_base` says whether triangles are baked anyway, so that baked
+    /// instances need no group, and so no entry, of their own.
+    pub(super) fn plans(&self, entry_cost: f64, has_base: bool) -> Vec<Plan> {
+        let usable = |&level: &usize| {
+            let pieces = self.pieces[level].len();
+            level == 0 || (pieces > self.pieces[level - 1].len() && !self.tally.levels[level].is_empty())
+        };
+        let levels: Vec<usize> = (0..self.tally.levels.len()).filter(usable).collect();
+        let mut counts: Vec<usize> =
+            BAKED_SHARES.iter().map(|share| (share * self.nodes.len() as f64).round() as usize).collect();
+        counts.dedup();
+        let mut plans = Vec::new();
+        for &baked in &counts {
+            for &level in &levels {
+                // With every instance baked there is none to open.
+                if level == 0 || baked < self.nodes.len() {
+                    plans.push(self.plan(level, baked, entry_cost, has_base));
+                }
+            }
+        }
+        plans
+    }
+
+    fn plan(&self, level: usize, baked: usize, entry_cost: f64, has_base: bool) -> Plan {
+        let (in_baked, in_left) = self.order.split_at(baked);
+        let instances = |nodes: &[usize]| nodes.iter().map(|&n| self.nodes[n].len() as u64).sum::<u64>();
+        let (count_baked, count_left) = (instances(in_baked), instances(in_left));
+        let copied = self.triangles.saturating_mul(count_baked);
+        let copied_bytes = copied as f64 * bytes::COMPACTED_BLAS_BYTES_PER_TRIANGLE as f64;
+        let placements = self.pinned + count_left.saturating_mul(self.pieces[level].len() as u64);
+        let whole = self.pinned > 0 || (level == 0 && count_left > 0);
+        let opened = level > 0 && count_left > 0;
+        let blas = |pieces: &[u64]| pieces.iter().map(|&t| bytes::blas(t) as f64).sum::<f64>();
+        let stored = if whole { bytes::blas(self.triangles) as f64 } else { 0.0 }
+            + if opened { blas(&self.pieces[level]) } else { 0.0 };
+
+        let sum = |nodes: &[usize], counts: &[Count]| -> f64 {
+            nodes.iter().flat_map(|&n| &self.nodes[n]).map(|&i| price(counts[i], entry_cost)).sum()
+        };
+        let own_entry = if baked > 0 && !has_base { entry_cost * self.tally.met as f64 } else { 0.0 };
+        let baked_cost = dearer(copied_bytes) * sum(in_baked, &self.tally.baked) + own_entry;
+        Plan {
+            level,
+            baked,
+            bytes: stored + copied_bytes + (bytes::TLAS_BYTES_PER_INSTANCE * placements) as f64,
+            cost: sum(in_left, &self.tally.levels[level]) + baked_cost,
+            copied,
+            placements,
+        }
+    }
+}
+
+fn price(count: Count, entry_cost: f64) -> f64 {
+    entry_cost * count.entries + count.steps
+}
+
+/// How much dearer a step is in a group of so many bytes.
+fn dearer(bytes: f64) -> f64 {
+    1.0 + DEARER_PER_DOUBLING * (bytes / CACHE_BYTES).max(1.0).log2()
+}
+
+/// The plans on the lower convex hull of cost over bytes, from the first plan on: each costs less than the one before
+/// and, but for those that take no more bytes than the first, gains less a byte.
+pub(super) fn hull(plans: &[Plan]) -> Vec<Plan> {
+    let mut sorted = plans.to_vec();
+    sorted.sort_by(|a, b| a.bytes.total_cmp(&b.bytes).then(a.cost.total_cmp(&b.cost)));
+    let mut hull: Vec<Plan> = plans.first().copied().into_iter().collect();
+    for plan in sorted {
+        if hull.last().is_some_and(|last| plan.cost < last.cost) {
+            while let [.., a, b] = *hull.as_slice() {
+                if gain_a_byte(&b, &plan) < gain_a_byte(&a, &b) {
+                    break;
+                }
+                hull.pop();
+            }
+            hull.push(plan);
+        }
+    }
+    hull
+}
+
+/// What a change of plan gains for each byte it takes; infinite where it takes none.
+pub(super) fn gain_a_byte(from: &Plan, to: &Plan) -> f64 {
+    let bytes = to.bytes - from.bytes;
+    if bytes > 0.0 { (from.cost - to.cost) / bytes } else { f64::INFINITY }
+}
