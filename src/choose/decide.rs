@@ -2,7 +2,7 @@
 
 use super::candidate::Candidate;
 use super::plans::Effort;
-use crate::layout::{Method, Options};
+use crate::layout::Method;
 use crate::verify::weights::Weights;
 
 /// A candidate that was only predicted must cost less than this share of the input to be worth a change.
@@ -14,6 +14,14 @@ const SURER_THAN_SINGLE: f64 = 0.9;
 
 /// Layouts whose measured times differ by less than this share are equal: the one with fewer bytes is taken.
 const EQUAL: f64 = 0.003;
+
+/// What a layout may take.
+pub(super) struct Bounds {
+    /// Predicted bytes of acceleration structures.
+    pub(super) most_bytes: f64,
+    /// Triangles of a group that could be divided; `None`: any number.
+    pub(super) most_triangles: Option<u32>,
+}
 
 /// What was decided.
 pub(super) struct Decision {
@@ -34,8 +42,8 @@ pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize>
 
 /// Takes the candidate that was measured to be the fastest, or else predicted to be clearly cheaper; the input, which is
 /// the first one, where nothing beats it. Says of every candidate why it was chosen or not.
-pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, options: &Options, measured: bool) -> Decision {
-    let allowed = fits(candidates, options);
+pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, bounds: &Bounds, measured: bool) -> Decision {
+    let allowed = fits(candidates, bounds);
     let (winner, reason) = match measured {
         true => fastest(candidates, weights, &allowed),
         false => cheapest(candidates, &allowed),
@@ -59,10 +67,9 @@ pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, options: &
 }
 
 /// Which candidates keep to the bounds on bytes and groups; the input where none does.
-fn fits(candidates: &[Candidate], options: &Options) -> Vec<bool> {
-    let most = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * candidates[0].as_bytes as f64);
-    let largest = options.max_group_triangles.map_or(usize::MAX, |n| n as usize);
-    let fits = |c: &Candidate| (c.is_input() || c.as_bytes as f64 <= most) && c.largest_group <= largest;
+fn fits(candidates: &[Candidate], bounds: &Bounds) -> Vec<bool> {
+    let largest = bounds.most_triangles.map_or(usize::MAX, |n| n as usize);
+    let fits = |c: &Candidate| (c.is_input() || c.as_bytes as f64 <= bounds.most_bytes) && c.largest_group <= largest;
     let mut fits: Vec<bool> = candidates.iter().map(fits).collect();
     if !fits.contains(&true) {
         fits[0] = true;

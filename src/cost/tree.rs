@@ -64,7 +64,7 @@ impl Node {
 
     /// The items of a leaf, as a range of [`Tree::order`]; empty for an inner node.
     pub fn items(&self) -> std::ops::Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
+        if self.is_leaf() { self.first as usize..(self.first + self.count) as usize } else { 0..0 }
     }
 }
 

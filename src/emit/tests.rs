@@ -194,6 +194,74 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
     assert_eq!(after.instances[3].source_node, 1);
 }
 
+/// The first triangle of the mesh in one piece and the second in another, for all instances.
+fn opened(scene: &Scene) -> Layout {
+    let piece = |triangle: u32| Group {
+        name: format!("quad.{triangle}"),
+        content: Content::Piece(MeshId(0), vec![geometry(scene, &[(0, triangle)])]),
+    };
+    let instances = (0u32..).zip(&scene.instances).flat_map(|(i, at)| [(0, i, at.transform), (1, i, at.transform)]);
+    let placement = |(group, i, transform)| Placement { group, instance: Some(InstanceId(i)), transform };
+    let layout =
+        Layout { groups: vec![piece(0), piece(1)], placements: instances.map(placement).collect(), notes: Vec::new() };
+    layout.check(scene).expect("the layout is sound");
+    layout
+}
+
+#[test]
+fn opened_instances_below_a_shared_parent_stay_in_their_place() {
+    let mut doc = document(
+        json!([
+            {"name": "street", "children": [1, 2], "translation": [0, 0, 7], "scale": [2, 2, 2]},
+            {"name": "house", "children": [3, 4], "rotation": [0, 0, 0.6, 0.8]},
+            {"name": "second house", "children": [5], "translation": [9, 0, 0]},
+            {"name": "left", "mesh": 0}, {"name": "right", "mesh": 0, "translation": [3, 0, 0]},
+            {"name": "alone", "mesh": 0, "scale": [-1, 1, 1], "children": [6]},
+            {"name": "below", "mesh": 0, "translation": [0, 5, 0]}
+        ]),
+        json!({"name": "quad", "primitives": [surface(1)]}),
+    );
+    doc.json["scenes"][0]["nodes"] = json!([0]);
+    let scene = load(&doc);
+    assert_eq!(scene.instances.len(), 4);
+    let document = emit(&doc, &scene, &opened(&scene), false).document;
+    let after = load(&document);
+    assert_eq!(shown(&scene), shown(&after));
+    assert_eq!((after.meshes.len(), after.instances.len()), (2, 8));
+    assert_eq!(document.json["nodes"][5]["children"], json!([6, 11, 12]), "pieces hang beside the node's own child");
+    assert!(after.instances.iter().all(|i| i.source_node != i.node && i.source_node >= 3));
+}
+
+#[test]
+fn pieces_of_instanced_copies_are_children_with_the_copies() {
+    let mut doc = document(
+        json!([{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 4}}}}]),
+        json!({"primitives": [surface(0)]}),
+    );
+    let translations: [[f32; 3]; 3] = [[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 2.0]];
+    doc.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
+    doc.json["accessors"]
+        .as_array_mut()
+        .expect("accessors")
+        .push(json!({"bufferView": 4, "componentType": 5126, "count": 3, "type": "VEC3"}));
+    let mut bytes = doc.buffers[0].to_vec();
+    let view = json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": 36});
+    doc.json["bufferViews"].as_array_mut().expect("views").push(view);
+    bytes.extend(bytemuck::cast_slice::<_, u8>(&translations));
+    doc.json["buffers"][0]["byteLength"] = json!(bytes.len());
+    doc.buffers = vec![bytes.into()];
+    let scene = load(&doc);
+    assert_eq!(scene.instances.len(), 3);
+    let document = emit(&doc, &scene, &opened(&scene), false).document;
+    let after = load(&document);
+    assert_eq!(shown(&scene), shown(&after));
+    assert!(document.json["nodes"][0].get("extensions").is_none());
+    let copies = |i: usize| &document.json["nodes"][i]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
+    assert!(copies(1)["TRANSLATION"].is_u64() && copies(1) == copies(2));
+    let identity = crate::verify::identity::Identity::new(&scene, &after);
+    assert_eq!(identity.known(), 6, "every triangle of every copy leads back");
+}
+
 #[test]
 fn points_and_lines_beside_triangles_stay_where_they_are() {
     let lines = json!({"attributes": {"POSITION": 0}, "mode": 1});

@@ -171,7 +171,7 @@ impl Candidates {
     }
 
     /// The fate of every instance under the plans.
-    fn select(&self, scene: &Scene, plans: &[Plan]) -> Selection {
+    pub(super) fn select(&self, scene: &Scene, plans: &[Plan]) -> Selection {
         let mut selection =
             Selection { fates: vec![Fate::Bake; scene.instances.len()], pieces: vec![Vec::new(); scene.meshes.len()] };
         for (fate, instance) in selection.fates.iter_mut().zip(&scene.instances) {

@@ -133,24 +133,33 @@ impl<'a> Counted<'a> {
             });
             (steps, entered)
         };
-        let (mut entries, mut steps) = (vec![0u64; self.placed.len()], 0);
+        let (mut entries, mut steps, mut all, mut used) = (vec![0u64; self.placed.len()], 0, 0, 0);
         for block in self.segments.chunks(BLOCK) {
             let passed: Vec<(u64, Vec<u32>)> = block.par_iter().map(of_segment).collect();
+            used += block.len();
             steps += passed.iter().map(|p| p.0).sum::<u64>();
+            all += passed.iter().map(|p| p.1.len()).sum::<usize>();
             passed.iter().flat_map(|p| &p.1).for_each(|piece| entries[(piece / pieces) as usize] += 1);
+            if all > MOST_ENTRIES {
+                break;
+            }
         }
-        let all: u64 = entries.iter().sum();
+        let scale = self.segments.len() as f64 / used.max(1) as f64;
+        let steps_an_entry = steps as f64 / all.max(1) as f64;
         let of_instance = |(&entries, below): (&u64, &Vec<u64>)| {
-            let top = if all > 0 { steps as f64 * entries as f64 / all as f64 } else { 0.0 };
+            let entries = scale * entries as f64;
             // Nodes that a cut up to this one has opened are above its pieces.
-            Count { entries: entries as f64, steps: top + below[level + 1..].iter().sum::<u64>() as f64 }
+            Count { entries, steps: steps_an_entry * entries + below[level + 1..].iter().sum::<u64>() as f64 }
         };
         entries.iter().zip(below).map(of_instance).collect()
     }
 }
 
 /// Segments worked on at a time: what they pass is held for so many.
-const BLOCK: usize = 256;
+const BLOCK: usize = 64;
+
+/// Entries into pieces after which those counted stand for all.
+const MOST_ENTRIES: usize = 1 << 20;
 
 /// What segments pass within instances.
 struct Below {

@@ -5,11 +5,13 @@ use std::f32::consts::TAU;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 
-use super::super::single::single;
+use super::super::builder::Builder;
+use super::super::single::{join_all, single};
 use super::super::test_scenes::*;
 use super::super::{Content, Instances, Layout, Method, Options, run};
+use super::choose::Candidates;
 use super::{input_bytes, layout_bytes};
-use crate::scene::{Pinned, Scene, TriangleRef};
+use crate::scene::{Pinned, Scene};
 
 fn choose(max_bytes_ratio: Option<f64>) -> Options {
     Options { max_bytes_ratio, instances: Instances::Choose, ..Options::default() }
@@ -148,12 +150,8 @@ fn the_bytes_allowed_are_never_exceeded() {
     builder.object("floor", 1, row(Vec3::ZERO, 50));
     let scene = builder.scene();
     for ratio in [1.0, 1.1, 1.25, 1.5, 2.0, 4.0, 8.0, 16.0, 30.0] {
-        for method in [Method::Single, Method::Cluster, Method::Bvh, Method::Overlap] {
-            let layout = run(method, &scene, &choose(Some(ratio)));
-            assert_eq!(layout.check(&scene), Ok(()));
-            let bytes = layout_bytes(&scene, &layout) as f64;
-            assert!(bytes <= ratio * input_bytes(&scene) as f64, "{method:?}: {bytes} at {ratio}");
-        }
+        let bytes = layout_bytes(&scene, &chosen(&scene, Some(ratio))) as f64;
+        assert!(bytes <= ratio * input_bytes(&scene) as f64, "{bytes} at {ratio}");
     }
 }
 
@@ -161,7 +159,7 @@ fn the_bytes_allowed_are_never_exceeded() {
 fn equal_and_degenerate_instances_are_weighed_in_time() {
     let mut builder = SceneBuilder::default();
     let mesh = builder.mesh("flat", vec![(0, vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 100])]);
-    (0..20_000).for_each(|_| drop(builder.place(mesh, "copy", DAffine3::IDENTITY).name.clone()));
+    (0..5_000).for_each(|_| drop(builder.place(mesh, "copy", DAffine3::IDENTITY).name.clone()));
     let line = builder.mesh("line", vec![(0, vec![[Vec3::ZERO, Vec3::X, Vec3::X]; 100])]);
     (0..3).for_each(|_| drop(builder.place(line, "line", DAffine3::IDENTITY).name.clone()));
     let scene = builder.scene();
@@ -196,18 +194,21 @@ fn the_choice_is_the_same_for_any_number_of_threads() {
 }
 
 #[test]
-fn baked_triangles_and_pieces_together_are_all_there() {
+fn baked_and_opened_instances_of_one_mesh_are_together_all_there() {
     let scene = knots(100, 0.7).scene();
-    let layout = chosen(&scene, Some(12.0));
-    let baked = |content: &Content| match content {
-        Content::Baked { geometries, .. } => geometries.iter().map(|g| g.triangles.len()).sum(),
-        _ => 0,
-    };
-    let placed: usize = layout.placements.iter().map(|p| group_sizes(&scene, &layout)[p.group as usize]).sum();
-    let all = scene.triangles_placed() as usize;
-    assert_eq!(placed, all);
-    assert!(layout.groups.iter().map(|g| baked(&g.content)).sum::<usize>() < all);
-    assert_eq!(scene.world_corners(TriangleRef { instance: 0, triangle: 0 }).len(), 3);
+    let candidates = Candidates::of(&scene, &Options::default());
+    let mixed = candidates.meshes[0].plans.iter().find(|p| p.baked > 0 && p.level > 0).expect("there is such a plan");
+    let selection = candidates.select(&scene, &[*mixed]);
+    let mut builder = Builder::new(&scene);
+    selection.place_left(&mut builder);
+    join_all(&scene, &selection.baked().collect::<Vec<_>>(), &mut builder);
+    let layout = builder.finish();
+    assert_eq!(layout.check(&scene), Ok(()));
+    let names = group_names(&layout);
+    assert!(names.contains(&"baked scene".to_owned()) && names.contains(&"piece knot.0".to_owned()), "{names:?}");
+    assert_eq!(selection.left_bounds(&scene).len(), layout.placements.len() - 1);
+    let bytes = layout_bytes(&scene, &layout) as f64;
+    assert!((mixed.bytes / bytes - 1.0).abs() < 0.01, "{} were predicted, {bytes} it takes", mixed.bytes);
 }
 
 proptest! {
