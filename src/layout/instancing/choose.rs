@@ -58,7 +58,8 @@ pub(super) fn run(scene: &Scene, options: &Options, method: impl Fn(&Selection) 
         let mut layout = method(&candidates.select(scene, &plans));
         let excess = layout_bytes(scene, &layout) as f64 - most_bytes;
         // NaN is no excess: a limit that is no number allows what the input takes.
-        if !(excess > 0.0) || plans.iter().all(Plan::keeps) {
+        let exceeds = excess > 0.0;
+        if !exceeds || plans.iter().all(Plan::keeps) {
             layout.notes.extend(candidates.notes(scene, &plans, allowed));
             return layout;
         }
@@ -119,8 +120,8 @@ impl Candidates {
     fn look(&mut self, scene: &Scene, options: &Options, uses: &[usize]) {
         let boxes = scene.instance_boxes();
         let areas: f64 = self.meshes.iter().flat_map(|m| &m.instances).map(|i| boxes[i.0 as usize].area()).sum();
-        let shared = overlap::shared_area(&boxes);
-        if !(shared > APART * areas) {
+        let overlaps = overlap::shared_area(&boxes) > APART * areas;
+        if !overlaps {
             self.idle = Some("no two instance boxes overlap");
             return;
         }
