@@ -1,6 +1,6 @@
 //! Keep, open or bake: for every mesh that several instances place, what gains most for the bytes that are allowed.
 //!
-//! Every way to treat a mesh has predicted bytes and a predicted cost, counted on sampled rays ([`tally`]); the ways
+//! Every way to treat a mesh has predicted bytes and a predicted cost, counted on sampled rays ([`super::tally`]); the ways
 //! worth having lie on the convex hull of cost over bytes. Steps along all hulls are taken in the order of what they
 //! gain a byte until the bytes are used up, as G. B. Dantzig, "Discrete-Variable Extremum Problems", Operations Research
 //! 5(2), 1957, fills a knapsack (with the choice of one item of each class: P. Sinha, A. A. Zoltners, "The
