@@ -32,18 +32,25 @@ pub(super) struct Candidate {
 }
 
 /// A layout whose rounding is within the limit.
-pub(super) struct Laid {
-    pub(super) layout: Layout,
+pub(crate) struct Laid {
+    pub(crate) layout: Layout,
     pub(super) passes: Vec<Pass>,
     /// Why each instance of the scene is pinned, those among them that rounding would move too far.
     pub(super) pins: Vec<Option<Pinned>>,
     /// The largest distance between a corner and its stored position, over the diagonal of the scene.
-    pub(super) position_error_ratio: f64,
+    pub(crate) position_error_ratio: f64,
 }
 
 impl Laid {
+    /// The scene as it would be written: the order of triangles matters to some drivers.
+    pub(crate) fn written(&self, scene: &Scene) -> Scene {
+        let mut layout = self.layout.clone();
+        layout::order_by_tree(scene, &mut layout);
+        layout::stored(scene, &layout)
+    }
+
     /// Whether two layouts come to the same document but for names.
-    pub(super) fn is_same(&self, other: &Laid) -> bool {
+    pub(crate) fn is_same(&self, other: &Laid) -> bool {
         let (a, b) = (&self.layout, &other.layout);
         a.placements == b.placements
             && a.groups.len() == b.groups.len()
@@ -105,7 +112,7 @@ impl Candidate {
 }
 
 /// Predicted bytes of the BLASes and the TLAS of a layout.
-fn as_bytes(scene: &Scene, layout: &Layout) -> u64 {
+pub(crate) fn as_bytes(scene: &Scene, layout: &Layout) -> u64 {
     let blas = layout.groups.iter().map(|g| bytes::blas(triangles(scene, &g.content) as u64));
     blas.fold(bytes::tlas(layout.placements.len() as u64), u64::saturating_add)
 }
@@ -132,7 +139,7 @@ fn largest_group(scene: &Scene, layout: &Layout) -> usize {
 }
 
 /// Runs a plan and keeps its rounding within the limit; the scene's pins are as before.
-pub(super) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
+pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
     let pins_before: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
     let start = Instant::now();
     let mut layout = layout::run_with(cache, plan.method, scene, &plan.options);

@@ -19,7 +19,8 @@ use crate::scene::Scene;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Machine, VerifyOptions};
-use candidate::{Candidate, Laid, lay_out};
+use candidate::Candidate;
+pub(crate) use candidate::{Laid, as_bytes, lay_out};
 use model::{Class, Ranking};
 use plans::{Effort, Plan};
 
@@ -182,12 +183,7 @@ fn race(
     if chosen.is_empty() {
         return Err("no candidate differs from the input".to_owned());
     }
-    // As they would be written: the order of triangles matters to some drivers.
-    let scene_of = |i: usize| {
-        let mut layout = candidates[chosen[i]].laid.layout.clone();
-        layout::order_by_tree(scene, &mut layout);
-        layout::stored(scene, &layout)
-    };
+    let scene_of = |i: usize| candidates[chosen[i]].laid.written(scene);
     let laps = machine.race(scene, chosen.len(), scene_of, verify).ok_or("no device traces rays: the model decides")?;
     let mut count = 0;
     for (&i, lap) in chosen.iter().zip(laps?) {

@@ -5,8 +5,10 @@
 //! neighbouring rays the largest counts hold for all, as a GPU runs them in step. Good enough to rank layouts, not to
 //! decide between close ones: see [`Class::NoRtCores`].
 
+use serde::Serialize;
+
 use crate::verify::cpu::{CpuTracer, Steps, TwoLevel};
-use crate::verify::rays::{RayKind, Rays};
+use crate::verify::rays::{Ray, RayKind, Rays};
 use crate::verify::weights::Weights;
 
 /// Rays that run in step.
@@ -27,13 +29,30 @@ pub enum Class {
     RtCores,
 }
 
-/// Picoseconds a ray, and for each thing it meets.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Prices {
-    ray: f64,
-    top: f64,
-    entry: f64,
-    bottom: f64,
+/// Picoseconds a ray, and for each thing it meets; each at least 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Prices {
+    /// For every ray, whatever it meets.
+    pub ray: f64,
+    /// For a node of the TLAS.
+    #[serde(rename = "tlas_node")]
+    pub top: f64,
+    /// For an instance entered.
+    pub entry: f64,
+    /// For a node of a BLAS.
+    #[serde(rename = "blas_node")]
+    pub bottom: f64,
+}
+
+/// What rays meet, in the mean over them; of [`IN_STEP`] neighbours the largest counts hold for all.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Counts {
+    /// Nodes of the TLAS.
+    pub top: f64,
+    /// Instances entered.
+    pub entries: f64,
+    /// Nodes of BLASes.
+    pub bottom: f64,
 }
 
 impl Class {
@@ -48,8 +67,8 @@ impl Class {
         }
     }
 
-    /// The table of prices, in the order of [`RayKind::ALL`].
-    fn prices(self) -> [Prices; 4] {
+    /// The table of prices, in the order of [`RayKind::ALL`]. `raykiln lab` fits them: see `docs/lab.md`.
+    pub fn prices(self) -> [Prices; 4] {
         let prices = |ray, top, entry, bottom| Prices { ray, top, entry, bottom };
         match self {
             Class::NoRtCores => [
@@ -79,24 +98,32 @@ impl Ranking<'_> {
         let prices = self.class.prices();
         let of_kind = |i: usize| match self.weights.0[i] {
             0.0 => 0.0,
-            _ => prices[i].of(&tracer.steps(&self.rays.kinds[i], RayKind::ALL[i] == RayKind::Shadow)),
+            _ => prices[i].of(&Counts::of(&tracer, &self.rays.kinds[i], RayKind::ALL[i])),
         };
         self.weights.mean([0, 1, 2, 3].map(of_kind))
     }
 }
 
-impl Prices {
-    /// The mean over rays that met what is given, groups of neighbours in step.
-    fn of(&self, steps: &[Steps]) -> f64 {
-        let largest = |group: &[Steps], of: fn(&Steps) -> u32| f64::from(group.iter().map(of).max().unwrap_or(0));
-        let group = |group: &[Steps]| {
-            let met = self.top * largest(group, |s| s.top)
-                + self.entry * largest(group, |s| s.entries)
-                + self.bottom * largest(group, |s| s.bottom);
-            group.len() as f64 * met
+impl Counts {
+    /// What rays of a kind meet on their way to what they look for.
+    pub fn of(tracer: &CpuTracer<'_>, rays: &[Ray], kind: RayKind) -> Counts {
+        Counts::in_step(&tracer.steps(rays, kind == RayKind::Shadow))
+    }
+
+    fn in_step(steps: &[Steps]) -> Counts {
+        let mean = |of: fn(&Steps) -> u32| {
+            let largest = |group: &[Steps]| group.iter().map(of).max().unwrap_or(0);
+            let sum: f64 = steps.chunks(IN_STEP).map(|g| g.len() as f64 * f64::from(largest(g))).sum();
+            sum / steps.len().max(1) as f64
         };
-        let sum: f64 = steps.chunks(IN_STEP).map(group).sum();
-        self.ray + sum / steps.len().max(1) as f64
+        Counts { top: mean(|s| s.top), entries: mean(|s| s.entries), bottom: mean(|s| s.bottom) }
+    }
+}
+
+impl Prices {
+    /// Picoseconds of a ray that meets what is given.
+    pub fn of(&self, met: &Counts) -> f64 {
+        self.ray + self.top * met.top + self.entry * met.entries + self.bottom * met.bottom
     }
 }
 
@@ -108,10 +135,11 @@ mod tests {
     fn neighbours_wait_for_the_slowest_of_them() {
         let prices = Prices { ray: 1.0, top: 10.0, entry: 100.0, bottom: 1000.0 };
         let mut steps = vec![Steps::default(); 64];
-        assert_eq!(prices.of(&steps), 1.0);
+        let of = |steps: &[Steps]| prices.of(&Counts::in_step(steps));
+        assert_eq!(of(&steps), 1.0);
         (steps[3].top, steps[9].entries, steps[40].bottom) = (1, 2, 1);
-        assert_eq!(prices.of(&steps), 1.0 + 0.5 * (10.0 + 200.0) + 0.5 * 1000.0);
-        assert_eq!(prices.of(&[]), 1.0);
+        assert_eq!(of(&steps), 1.0 + 0.5 * (10.0 + 200.0) + 0.5 * 1000.0);
+        assert_eq!(of(&[]), 1.0);
     }
 
     #[test]

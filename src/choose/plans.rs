@@ -32,17 +32,17 @@ impl Effort {
     }
 
     /// Rays of each kind by which layouts are ranked.
-    pub(super) fn rays(self) -> usize {
+    pub(crate) fn rays(self) -> usize {
         [1024, 2048, 4096, 8192, 8192, 16_384, 32_768][usize::from(self.0)]
     }
 }
 
 /// A layout to be looked at: a method and what it is told.
 #[derive(Clone, Debug)]
-pub(super) struct Plan {
-    pub(super) name: String,
-    pub(super) method: Method,
-    pub(super) options: Options,
+pub(crate) struct Plan {
+    pub(crate) name: String,
+    pub(crate) method: Method,
+    pub(crate) options: Options,
 }
 
 /// A plan that is looked at from some effort on.
@@ -78,14 +78,14 @@ const PLANS: [Entry; 15] = [
 ];
 
 /// The plans of an effort. Where the user bounds groups, only methods that heed the bounds remain, and the input.
-pub(super) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
+pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
     let bounded = options.max_group_triangles.is_some() || options.max_group_extent_ratio.is_some();
     let heeds = |entry: &&Entry| !bounded || matches!(entry.2, Method::Keep | Method::Cluster);
     let plan = |&(_, name, method, tell): &Entry| {
         let mut told = options.clone();
         tell(&mut told);
-        let smaller = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::min);
-        told.max_group_extent_ratio = smaller(told.max_group_extent_ratio, options.max_group_extent_ratio);
+        let extents = told.max_group_extent_ratio.into_iter().chain(options.max_group_extent_ratio);
+        told.max_group_extent_ratio = extents.reduce(f64::min);
         Plan { name: name.to_owned(), method, options: told }
     };
     PLANS.iter().filter(|entry| entry.0 <= effort.0).filter(heeds).map(plan).collect()

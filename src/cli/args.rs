@@ -52,6 +52,13 @@ pub(super) enum Command {
     Verify(Box<CompareArguments>),
     /// Show what a scene is made of, what it costs, and which vendor rules it breaks
     Inspect(InspectArguments),
+    /// Lay out, trace and time many scenes in many layouts; fit the prices by which layouts are ranked
+    #[command(after_help = "docs/lab.md describes the configuration and the tables.")]
+    Lab {
+        /// What to do
+        #[arg(value_name = "CONFIG.toml")]
+        config: PathBuf,
+    },
     /// List the Vulkan devices, what they can do and what they lack to trace rays
     Devices {
         /// Print JSON instead of text

@@ -14,12 +14,13 @@ use clap::{CommandFactory, Parser};
 use crate::bake::{self, BakeOptions};
 use crate::compare;
 use crate::inspect;
+use crate::lab;
 use crate::report::{self, Verdict};
 use crate::scene::LoadOptions;
 use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
 
-/// Exit status of a failed verification.
+/// Exit status of a failed verification or fit.
 const FAILED: u8 = 1;
 /// Exit status of bad usage or bad input.
 const BAD: u8 = 2;
@@ -48,6 +49,7 @@ fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
         Command::Bake(bake) => run_bake(bake, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
+        Command::Lab { config } => run_lab(config, &arguments.output),
         Command::Devices { json } => {
             let report = report::DevicesReport::of_this_machine();
             let text = if *json { report::json::to_json(&report) } else { report::text::devices(&report) };
@@ -116,6 +118,27 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     let report = report?;
     let json = write_reports(&report, &arguments.report)?;
     if arguments.json { print(json.as_bytes()) } else { print(report::text::inspect(&report).as_bytes()) }
+}
+
+fn run_lab(config: &Path, output: &Output) -> Result<ExitCode> {
+    let mut progress = Progress::new(output.quiet);
+    let done = lab::run(config, &mut |scene| {
+        progress.enter(scene.to_owned());
+        if output.verbose > 0 {
+            report::text::note(scene);
+        }
+    });
+    progress.finish();
+    let done = done?;
+    if !output.quiet {
+        print(done.text.as_bytes())?;
+        done.notes.iter().for_each(|note| report::text::note(note));
+    }
+    if let Some(Err(why)) = done.fit {
+        report::text::error(&format!("{why}; what was measured is in {}", done.out.display()));
+        return Ok(ExitCode::from(FAILED));
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The manual: a page of the program and one of each command.

@@ -1,5 +1,6 @@
 //! A line on the terminal that says what takes so long.
 
+use std::borrow::Cow;
 use std::io::{IsTerminal, stderr};
 use std::time::Duration;
 
@@ -21,7 +22,7 @@ impl Progress {
     }
 
     /// Ends the line of the last stage and begins a new one.
-    pub(super) fn enter(&mut self, stage: &'static str) {
+    pub(super) fn enter(&mut self, stage: impl Into<Cow<'static, str>>) {
         self.finish();
         if !self.shown {
             return;

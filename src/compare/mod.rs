@@ -53,7 +53,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
 }
 
 /// A file as a scene, and what the reader mended or left out.
-fn read(path: &Path) -> Result<(Scene, Vec<String>), BakeError> {
+pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), BakeError> {
     let doc = raykiln_formats::read(path)?;
     let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
     scene.check().map_err(|e| BakeError::Internal(e.0))?;

@@ -15,6 +15,11 @@ pub fn error(message: &str) {
     eprintln!("error: {message}");
 }
 
+/// Prints a note on standard error.
+pub fn note(message: &str) {
+    eprintln!("note: {message}");
+}
+
 /// Prints a bake's report on standard error.
 pub fn bake(report: &BakeReport, verbose: bool) {
     eprint!("{}", bake_text(report, verbose));

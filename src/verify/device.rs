@@ -40,6 +40,28 @@ impl From<&str> for DeviceChoice {
 #[error("--device: {0}")]
 pub struct DeviceError(String);
 
+/// What kind of thing a [`Machine`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MachineKind {
+    /// A Vulkan device of its own.
+    Gpu,
+    /// A Vulkan driver that computes on the CPU.
+    SoftwareDriver,
+    /// The tracer of this program.
+    Cpu,
+}
+
+impl MachineKind {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            MachineKind::Gpu => "gpu",
+            MachineKind::SoftwareDriver => "software driver",
+            MachineKind::Cpu => "cpu",
+        }
+    }
+}
+
 /// What traces.
 #[derive(Debug)]
 pub struct Machine {
@@ -76,6 +98,15 @@ impl Machine {
         let device = Vulkan::load(Options::from_env()).and_then(|vulkan| vulkan.open(&wanted));
         let device = device.map_err(|e| DeviceError(e.to_string()))?;
         Ok(Machine { device: Some(device), named: true, notes: Vec::new() })
+    }
+
+    /// The name of the device, and what kind of thing it is.
+    pub fn name(&self) -> (&str, MachineKind) {
+        match self.device.as_ref().map(Device::info) {
+            None => ("CPU", MachineKind::Cpu),
+            Some(info) if info.is_software => (&info.name, MachineKind::SoftwareDriver),
+            Some(info) => (&info.name, MachineKind::Gpu),
+        }
     }
 
     /// A device opened already, as if it had been named or not.
@@ -181,12 +212,24 @@ impl Machine {
         }
     }
 
+    /// The name of the device, and what kind of thing it is.
+    pub fn name(&self) -> (&str, MachineKind) {
+        ("CPU", MachineKind::Cpu)
+    }
+
     /// Verifies `after` against `before` on the CPU.
     ///
     /// # Errors
     /// None.
     pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
         Ok(Verification { notes: self.notes.clone(), ..verify(before, after, options) })
+    }
+}
+
+impl Machine {
+    /// What it does otherwise than asked, in words.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 }
 

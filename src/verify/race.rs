@@ -1,6 +1,7 @@
 //! Several layouts of one scene timed with the same rays.
 
 use super::build::Built;
+use super::cpu::{CpuTracer, TwoLevel};
 use super::rays::{self, RayKind};
 use super::speed::{self, KindSpeed, Kinds};
 use super::tracing::seen_by;
@@ -47,6 +48,24 @@ pub(super) fn race<T: Tracer>(
     Ok((0..contenders).map(lap).collect())
 }
 
+/// As [`Machine::race`] on the CPU, whose speeds tell nothing of a device.
+pub fn race_on_cpu(
+    before: &Scene,
+    contenders: usize,
+    scene_of: impl Fn(usize) -> Scene,
+    options: &VerifyOptions,
+) -> Vec<Lap> {
+    let trees = TwoLevel::build(before);
+    let first = CpuTracer::new(&trees);
+    // One at a time, so that the trees of one contender are gone before those of the next are built.
+    let lap = |i| {
+        let trees = TwoLevel::build(&scene_of(i));
+        let Ok(laps) = race(before, &first, 1, |_| Ok(CpuTracer::new(&trees)), options);
+        laps.into_iter().map(|lap| lap.unwrap_or_else(|never| match never {}))
+    };
+    (0..contenders).flat_map(lap).collect()
+}
+
 impl Machine {
     /// Times contenders on the device: `scene_of` gives the scene of the contender of a number. `None` where the CPU
     /// traces, whose speeds tell nothing of a device. A contender that the device cannot take has the reason instead of
@@ -87,7 +106,6 @@ impl Machine {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cpu::{CpuTracer, TwoLevel};
     use super::super::test_scenes;
     use super::*;
 

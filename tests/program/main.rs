@@ -9,6 +9,7 @@ mod determinism;
 mod device_hits;
 mod devices;
 mod faults;
+mod lab;
 mod mutations;
 mod roundtrip;
 mod samples;

@@ -1,0 +1,309 @@
+//! What an experiment is told, in TOML.
+
+use std::fmt::Display;
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::LabError;
+use crate::choose::model::Class;
+use crate::choose::plans::{Effort, Plan, plans};
+use crate::layout::{Method, Options};
+use crate::verify::{DeviceChoice, VerifyOptions};
+
+/// Rays of a kind at most.
+const MOST_RAYS: u32 = 1 << 26;
+
+/// A matrix of scenes and layouts, and what to do with what is measured.
+pub(super) struct Config {
+    /// The files, each with its name in the tables: its path as the configuration has it.
+    pub(super) scenes: Vec<(String, PathBuf)>,
+    pub(super) plans: Vec<Plan>,
+    /// How layouts are timed.
+    pub(super) verify: VerifyOptions,
+    /// Rays of each kind that are counted.
+    pub(super) counted_rays: usize,
+    /// The folder for the tables.
+    pub(super) out: PathBuf,
+    /// Whether scenes that cannot be read are left out.
+    pub(super) skip_broken: bool,
+    /// The class of devices to fit prices for.
+    pub(super) fit: Option<Class>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    scenes: Spanned<Vec<Spanned<String>>>,
+    methods: Option<Spanned<Vec<Spanned<String>>>>,
+    effort: Option<Spanned<u8>>,
+    device: Option<Spanned<String>>,
+    rays: Option<Spanned<u32>>,
+    counted_rays: Option<Spanned<u32>>,
+    repeats: Option<Spanned<u32>>,
+    seed: Option<u64>,
+    max_position_error_ratio: Option<Spanned<f64>>,
+    out: PathBuf,
+    #[serde(default)]
+    skip_broken: bool,
+    fit: Option<FitKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FitKeys {
+    class: Spanned<String>,
+}
+
+impl Config {
+    /// Reads a configuration; paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// A file that cannot be read or is no TOML; a key that is unknown, missing or has a value that it cannot have; a glob
+    /// that matches nothing. All name file and line.
+    pub(super) fn read(path: &Path) -> Result<Config, LabError> {
+        let text = fs::read_to_string(path).map_err(|e| LabError::file(path, e))?;
+        let source = Source { path, text: &text };
+        let keys: Keys = toml::from_str(&text).map_err(|e| source.error(e.span(), e.message()))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let effort = keys.effort.as_ref().map(|e| source.at_most(e, "effort", 0, Effort::MOST.into())).transpose()?;
+        let effort = effort.map(|e| Effort::new(e as u8));
+        let defaults = VerifyOptions::default();
+        let count = |key: &Option<Spanned<u32>>, name, most| {
+            key.as_ref().map(|value| source.at_most(value, name, 1, most)).transpose()
+        };
+        let counted = count(&keys.counted_rays, "counted_rays", MOST_RAYS)?;
+        let timed = count(&keys.rays, "rays", MOST_RAYS)?;
+        let config = Config {
+            scenes: scenes(&source, &keys.scenes, folder)?,
+            plans: chosen_plans(&source, &keys, effort)?,
+            verify: VerifyOptions {
+                device: keys
+                    .device
+                    .as_ref()
+                    .map_or(defaults.device.clone(), |d| DeviceChoice::from(d.as_ref().as_str())),
+                rays_per_kind: timed.unwrap_or(defaults.rays_per_kind),
+                timed_rays_per_kind: timed,
+                repeats: count(&keys.repeats, "repeats", 1000)?.unwrap_or(defaults.repeats),
+                seed: keys.seed.unwrap_or(defaults.seed),
+                max_position_error_ratio: match &keys.max_position_error_ratio {
+                    Some(ratio) => source.ratio(ratio, "max_position_error_ratio")?,
+                    None => defaults.max_position_error_ratio,
+                },
+                ..defaults
+            },
+            counted_rays: counted.map_or(effort.unwrap_or_default().rays(), |count| count as usize),
+            out: folder.join(&keys.out),
+            skip_broken: keys.skip_broken,
+            fit: keys.fit.as_ref().map(|fit| class(&source, &fit.class)).transpose()?,
+        };
+        match keys.fit.map(|fit| (config.cannot_fit(), fit.class.span())) {
+            Some((Some(why), span)) => Err(source.error(Some(span), format!("`fit`: {why}"))),
+            _ => Ok(config),
+        }
+    }
+
+    /// Why prices cannot be fitted, as far as that can be known without measuring.
+    fn cannot_fit(&self) -> Option<&'static str> {
+        match (self.scenes.len(), self.plans.iter().any(|plan| plan.method == Method::Single)) {
+            (..2, _) => Some("it takes two scenes, so that one can be left out"),
+            (_, false) => Some("it takes the layout `single`, which others are compared with"),
+            _ => None,
+        }
+    }
+}
+
+/// The text of a configuration, for errors that name its lines.
+struct Source<'a> {
+    path: &'a Path,
+    text: &'a str,
+}
+
+impl Source<'_> {
+    fn error(&self, span: Option<Range<usize>>, cause: impl Display) -> LabError {
+        let before = span.and_then(|s| self.text.get(..s.start));
+        let line = before.map_or(1, |text| text.matches('\n').count() + 1);
+        LabError::Config { file: self.path.to_owned(), line, cause: cause.to_string() }
+    }
+
+    fn at_most<T: Copy + Into<u32>>(
+        &self,
+        value: &Spanned<T>,
+        key: &str,
+        least: u32,
+        most: u32,
+    ) -> Result<u32, LabError> {
+        let number = (*value.get_ref()).into();
+        match (least..=most).contains(&number) {
+            true => Ok(number),
+            false => {
+                Err(self.error(Some(value.span()), format!("`{key}` is {number}, not between {least} and {most}")))
+            }
+        }
+    }
+
+    fn ratio(&self, value: &Spanned<f64>, key: &str) -> Result<f64, LabError> {
+        match *value.get_ref() {
+            ratio if ratio >= 0.0 => Ok(ratio),
+            _ => Err(self.error(Some(value.span()), format!("`{key}` is a number of at least 0"))),
+        }
+    }
+}
+
+/// The scenes in the order of the list, what a glob matches by name; each once.
+fn scenes(
+    source: &Source<'_>,
+    listed: &Spanned<Vec<Spanned<String>>>,
+    folder: &Path,
+) -> Result<Vec<(String, PathBuf)>, LabError> {
+    let mut scenes: Vec<(String, PathBuf)> = Vec::new();
+    for entry in listed.get_ref() {
+        let error = |cause: String| source.error(Some(entry.span()), format!("`scenes`: {cause}"));
+        for found in files(entry.get_ref(), folder).map_err(error)? {
+            if !scenes.contains(&found) {
+                scenes.push(found);
+            }
+        }
+    }
+    if scenes.is_empty() {
+        return Err(source.error(Some(listed.span()), "`scenes` lists no scene"));
+    }
+    Ok(scenes)
+}
+
+/// The file of that name, or else the files that a glob matches.
+fn files(entry: &str, folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
+    let path = folder.join(entry);
+    if path.is_file() || !entry.contains(['*', '?', '[']) {
+        return Ok(vec![(entry.to_owned(), path)]);
+    }
+    let prefix = glob::Pattern::escape(&folder.to_string_lossy());
+    let pattern = if Path::new(entry).is_absolute() || prefix.is_empty() {
+        entry.to_owned()
+    } else {
+        format!("{prefix}/{entry}")
+    };
+    let matches = glob::glob(&pattern).map_err(|e| format!("`{entry}` is no glob: {e}"))?;
+    let mut found: Vec<PathBuf> = matches.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
+    found.retain(|path| path.is_file());
+    found.sort();
+    if found.is_empty() {
+        return Err(format!("`{entry}` matches no file"));
+    }
+    let name = |path: PathBuf| (path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().replace('\\', "/"), path);
+    Ok(found.into_iter().map(name).collect())
+}
+
+/// The layouts listed in `methods`, or else those of an effort, the largest if none is named.
+fn chosen_plans(source: &Source<'_>, keys: &Keys, effort: Option<Effort>) -> Result<Vec<Plan>, LabError> {
+    let all = plans(Effort::new(Effort::MOST), &Options::default());
+    let Some(methods) = &keys.methods else {
+        return Ok(effort.map_or(all, |effort| plans(effort, &Options::default())));
+    };
+    if let Some(effort) = &keys.effort {
+        return Err(source.error(Some(effort.span()), "`effort` and `methods` cannot both be given"));
+    }
+    let defaults = Method::ALL.map(|m| Plan { name: m.name().to_owned(), method: m, options: Options::default() });
+    let known: Vec<&Plan> = all.iter().chain(&defaults).collect();
+    let plan = |name: &Spanned<String>| {
+        let found = known.iter().find(|plan| plan.name == *name.get_ref());
+        found.map(|plan| (*plan).clone()).ok_or_else(|| {
+            let mut names: Vec<String> = known.iter().map(|p| format!("`{}`", p.name)).collect();
+            names.sort();
+            names.dedup();
+            let cause = format!("`methods`: there is no `{}`; there are {}", name.get_ref(), names.join(", "));
+            source.error(Some(name.span()), cause)
+        })
+    };
+    match methods.get_ref().is_empty() {
+        true => Err(source.error(Some(methods.span()), "`methods` lists none")),
+        false => methods.get_ref().iter().map(plan).collect(),
+    }
+}
+
+fn class(source: &Source<'_>, name: &Spanned<String>) -> Result<Class, LabError> {
+    Class::ALL.into_iter().find(|class| class.name() == name.get_ref()).ok_or_else(|| {
+        let names = Class::ALL.map(|class| format!("`{}`", class.name())).join(" and ");
+        source.error(Some(name.span()), format!("`class`: there is no `{}`, only {names}", name.get_ref()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reads a configuration beside two files `a.obj` and `b.obj`.
+    fn read(text: &str) -> Result<Config, String> {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for name in ["a.obj", "b.obj"] {
+            fs::write(folder.path().join(name), "").expect("writable");
+        }
+        let path = folder.path().join("lab.toml");
+        fs::write(&path, text).expect("writable");
+        Config::read(&path).map_err(|e| e.to_string().replace(&folder.path().display().to_string(), ""))
+    }
+
+    fn error(text: &str) -> String {
+        read(text).err().expect("an error")
+    }
+
+    #[test]
+    fn defaults_are_all_layouts_timed_as_suits_the_device() {
+        let config = read("scenes = ['*.obj']\nout = 'tables'").expect("sound");
+        let names: Vec<&str> = config.scenes.iter().map(|s| s.0.as_str()).collect();
+        assert_eq!(names, ["a.obj", "b.obj"]);
+        assert_eq!(config.plans.len(), plans(Effort::new(Effort::MOST), &Options::default()).len());
+        assert_eq!(config.verify, VerifyOptions::default());
+        assert_eq!((config.fit, config.skip_broken), (None, false));
+        assert!(config.out.ends_with("tables"));
+    }
+
+    #[test]
+    fn scenes_keep_the_order_of_the_list_and_count_once() {
+        let config = read("scenes = ['b.obj', '?.obj', 'b.obj']\nout = 'x'").expect("sound");
+        let names: Vec<&str> = config.scenes.iter().map(|s| s.0.as_str()).collect();
+        assert_eq!(names, ["b.obj", "a.obj"]);
+    }
+
+    #[test]
+    fn methods_are_methods_or_layouts_of_auto() {
+        let config = read("scenes = ['a.obj']\nout = 'x'\nmethods = ['cluster', 'single', 'cluster, entry 80']");
+        let config = config.expect("sound");
+        let costs: Vec<f64> = config.plans.iter().map(|p| p.options.entry_cost).collect();
+        assert_eq!((config.plans.len(), costs[2]), (3, 80.0));
+    }
+
+    #[test]
+    fn errors_name_file_line_and_key() {
+        let base = "scenes = ['a.obj']\nout = 'x'\n";
+        for (more, words) in [
+            ("seeds = 3", "/lab.toml:3: unknown field `seeds`"),
+            ("[fit]\nclasses = 'x'", "/lab.toml:4: unknown field `classes`"),
+            (
+                "[fit]\nclass = 'abacus'",
+                "/lab.toml:4: `class`: there is no `abacus`, only `no-rt-cores` and `rt-cores`",
+            ),
+            ("effort = 7", "/lab.toml:3: `effort` is 7, not between 0 and 6"),
+            ("repeats = 0", "/lab.toml:3: `repeats` is 0"),
+            ("rays = 4294967295", "/lab.toml:3: `rays` is"),
+            ("max_position_error_ratio = nan", "/lab.toml:3: `max_position_error_ratio` is a number"),
+            ("methods = ['magic']", "/lab.toml:3: `methods`: there is no `magic`; there are `bvh`"),
+            ("methods = []", "/lab.toml:3: `methods` lists none"),
+            ("methods = ['keep']\neffort = 2", "/lab.toml:4: `effort` and `methods`"),
+            ("repeats = 'often'", "/lab.toml:3: "),
+            ("seed = ", "/lab.toml:3: "),
+            ("[fit]\nclass = 'no-rt-cores'", "/lab.toml:4: `fit`: it takes two scenes"),
+        ] {
+            let found = error(&format!("{base}{more}"));
+            assert!(found.starts_with(words), "{more}: {found}");
+        }
+        let without = "scenes = ['*.obj']\nout = 'x'\nmethods = ['keep']\n[fit]\nclass = 'rt-cores'";
+        assert!(error(without).contains("it takes the layout `single`"), "{}", error(without));
+        assert!(error("out = 'x'").contains("missing field `scenes`"));
+        assert!(error("scenes = []\nout = 'x'").contains("`scenes` lists no scene"));
+        assert!(error("out = 'x'\nscenes = ['*.glb']").starts_with("/lab.toml:2: `scenes`: `*.glb` matches no file"));
+    }
+}

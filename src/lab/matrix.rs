@@ -1,0 +1,103 @@
+//! Every layout of every scene: what rays meet in it, and how long they take.
+
+use super::config::Config;
+use super::rows::{KindRow, Row};
+use crate::choose::model::{Class, Counts};
+use crate::choose::{Laid, as_bytes, lay_out};
+use crate::layout::{self, Cache};
+use crate::scene::Scene;
+use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
+use crate::verify::rays::{self, RayKind, Rays};
+use crate::verify::{Lap, Machine, race_on_cpu};
+
+/// Layouts that come to the same, by the names of their plans.
+struct Entry {
+    names: Vec<String>,
+    laid: Laid,
+}
+
+/// A row for each layout of a scene, in the order of the plans; those that come to what an earlier one came to share its
+/// row.
+///
+/// # Errors
+/// Why the device cannot take the scene, in words.
+pub(super) fn measure(
+    name: &str,
+    scene: &mut Scene,
+    machine: &Machine,
+    class: Class,
+    config: &Config,
+) -> Result<Vec<Row>, String> {
+    let entries = lay_out_all(scene, config);
+    let trees = TwoLevel::build(scene);
+    let rays = rays::generate(scene, &Reference::new(&trees), config.counted_rays, config.verify.seed);
+    drop(trees);
+    let mut rows: Vec<Row> = entries.iter().map(|entry| predict(name, scene, entry, &rays, class)).collect();
+
+    let scene_of = |i: usize| entries[i].laid.written(scene);
+    let laps = match machine.race(scene, entries.len(), scene_of, &config.verify) {
+        Some(laps) => laps?,
+        None => race_on_cpu(scene, entries.len(), scene_of, &config.verify).into_iter().map(Ok).collect(),
+    };
+    let (device, kind) = machine.name();
+    for (row, lap) in rows.iter_mut().zip(laps) {
+        (row.device, row.device_kind) = (device.to_owned(), kind.name());
+        match lap {
+            Ok(lap) => time(row, &lap),
+            Err(why) => row.failure = Some(why),
+        }
+    }
+    Ok(rows)
+}
+
+fn lay_out_all(scene: &mut Scene, config: &Config) -> Vec<Entry> {
+    let mut entries: Vec<Entry> = Vec::new();
+    let mut cache = Cache::default();
+    for plan in &config.plans {
+        let laid = lay_out(&mut cache, scene, plan, config.verify.max_position_error_ratio);
+        match entries.iter_mut().find(|e| e.laid.is_same(&laid)) {
+            Some(same) => same.names.push(plan.name.clone()),
+            None => entries.push(Entry { names: vec![plan.name.clone()], laid }),
+        }
+    }
+    entries
+}
+
+/// What is known of a layout without a device.
+fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) -> Row {
+    let stored = layout::stored(scene, &entry.laid.layout);
+    let trees = TwoLevel::build(&stored);
+    let tracer = CpuTracer::new(&trees);
+    let prices = class.prices();
+    let kind = |i: usize| {
+        let counts = Counts::of(&tracer, &rays.kinds[i], RayKind::ALL[i]);
+        KindRow { predicted_picoseconds: prices[i].of(&counts), ..KindRow::of(&counts) }
+    };
+    Row {
+        scene: name.to_owned(),
+        layout: entry.names[0].clone(),
+        same_as: entry.names[1..].to_vec(),
+        triangles: stored.triangles_placed(),
+        groups: stored.meshes.len() as u64,
+        instances: stored.instances.len() as u64,
+        two_level_cost: trees.cost(scene.bounds().area()),
+        predicted_bytes: as_bytes(scene, &entry.laid.layout),
+        position_error_ratio: entry.laid.position_error_ratio,
+        kinds: [0, 1, 2, 3].map(kind).into(),
+        ..Row::default()
+    }
+}
+
+/// Adds what a device measured.
+fn time(row: &mut Row, lap: &Lap) {
+    let finite = |x: f64| x.is_finite().then_some(x);
+    for (of, (_, speed)) in row.kinds.each_mut().into_iter().zip(lap.kinds.named()) {
+        if speed.after_mrays_per_s > 0.0 {
+            // A million rays a second are a ray a microsecond.
+            of.picoseconds = finite(1e6 / speed.after_mrays_per_s);
+            of.speedup_ratio = finite(speed.speedup_ratio);
+            of.spread_ratio = finite(speed.spread_ratio);
+        }
+    }
+    row.built_bytes = lap.built.map(|b| b.blas_bytes_compacted.unwrap_or(b.blas_bytes).saturating_add(b.tlas_bytes));
+}

@@ -1,0 +1,101 @@
+//! The tables as files: staged in a hidden folder beside their place, then renamed.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use super::LabError;
+use super::fit::Fit;
+use super::quality::Quality;
+use super::rows::{Row, to_csv, to_json_lines};
+use crate::choose::model::{Class, Prices};
+use crate::report::json::to_json;
+
+/// All names that may be written.
+const NAMES: [&str; 4] = ["layouts.csv", "layouts.jsonl", "fit.json", "fit.md"];
+
+/// Refuses a folder that cannot be written to, before any work is done.
+pub(super) fn check(out: &Path) -> Result<(), LabError> {
+    let bad = |cause: &str| Err(LabError::file(out, cause));
+    let parent = parent(out);
+    match () {
+        () if out.exists() && !out.is_dir() => bad("is no folder"),
+        () if !parent.is_dir() => bad(&format!("there is no folder {}", parent.display())),
+        () if NAMES.iter().any(|name| out.join(name).is_dir()) => bad("holds a folder where a table belongs"),
+        () => tempfile::tempdir_in(parent).map(|_| ()).map_err(|e| LabError::file(parent, e)),
+    }
+}
+
+/// Writes the tables, the fit if there is one; tables of an earlier run that have no successor go.
+pub(super) fn write(out: &Path, rows: &[Row], fit: Option<(&Fit, Class)>) -> Result<(), LabError> {
+    let csv = to_csv(rows).map_err(|e| LabError::file(&out.join(NAMES[0]), e))?;
+    let fitted = fit.map(|(fit, class)| [to_json(fit), markdown(fit, class)].map(String::into_bytes));
+    let [json, text] = fitted.map_or([None, None], |both| both.map(Some));
+    let tables = [Some(csv), Some(to_json_lines(rows)), json, text];
+
+    let parent = parent(out);
+    let folder =
+        tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent).map_err(|e| LabError::file(parent, e))?;
+    for (name, table) in NAMES.iter().zip(&tables) {
+        if let Some(table) = table {
+            fs::write(folder.path().join(name), table).map_err(|e| LabError::file(&out.join(name), e))?;
+        }
+    }
+    fs::create_dir_all(out).map_err(|e| LabError::file(out, e))?;
+    for (name, table) in NAMES.iter().zip(&tables) {
+        let place = out.join(name);
+        let placed = match table {
+            Some(_) => fs::rename(folder.path().join(name), &place),
+            None if place.exists() => fs::remove_file(&place),
+            None => Ok(()),
+        };
+        placed.map_err(|e| LabError::file(&place, e))?;
+    }
+    Ok(())
+}
+
+fn parent(out: &Path) -> &Path {
+    out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A fit for people, and as the table of prices in `src/choose/model.rs` has it.
+pub(super) fn markdown(fit: &Fit, class: Class) -> String {
+    let Fit { class: name, device, device_kind, layouts, scenes, .. } = fit;
+    let mut text =
+        format!("# Prices of `{name}`, fitted to {layouts} layouts of {scenes} scenes on {device} ({device_kind})\n\n");
+    if *device_kind != "gpu" {
+        text += "These were not timed on a GPU and say nothing of one.\n\n";
+    }
+    text += "| kind | picoseconds a ray (T TLAS nodes, E entries, N BLAS nodes) | RMS relative error |\n| --- | --- | --- |\n";
+    for k in &fit.kinds {
+        let Prices { ray, top, entry, bottom } = k.prices;
+        let error = 100.0 * k.rms_relative_error;
+        let _ = writeln!(text, "| {} | {ray:.1} + {top:.1} T + {entry:.1} E + {bottom:.1} N | {error:.1} % |", k.kind);
+    }
+    text += "\nAgainst the single BLAS, each scene predicted by prices fitted to the others, and by the present table:\n\n\
+             | kind | prices | correlation of log ratios | RMS error of the ratio | pick over best: mean | worst |\n\
+             | --- | --- | --- | --- | --- | --- |\n";
+    let kinds = fit.kinds.iter().map(|k| (k.kind, &k.predicted)).chain([("overall", &fit.overall)]);
+    for (kind, predicted) in kinds {
+        text += &quality_line(kind, "fitted", predicted.left_out.as_ref());
+        text += &quality_line(kind, "table", predicted.by_table.as_ref());
+    }
+    text += &format!("\nFor the table in `src/choose/model.rs`:\n\n```rust\nClass::{class:?} => [\n");
+    for k in &fit.kinds {
+        let Prices { ray, top, entry, bottom } = k.prices;
+        let error = 100.0 * k.rms_relative_error;
+        let prices = format!("prices({ray:.1}, {top:.1}, {entry:.1}, {bottom:.1}),");
+        let _ = writeln!(text, "    {prices} // {}: residual {error:.1} %", k.kind);
+    }
+    text + "],\n```\n"
+}
+
+fn quality_line(kind: &str, prices: &str, quality: Option<&Quality>) -> String {
+    let Some(q) = quality else { return format!("| {kind} | {prices} | - | - | - | - |\n") };
+    let correlation = q.correlation.map_or("-".to_owned(), |c| format!("{c:.2}"));
+    let error = 100.0 * q.rms_ratio_error;
+    format!(
+        "| {kind} | {prices} | {correlation} | {error:.0} % | {:.3} | {:.3} |\n",
+        q.picked_mean_ratio, q.picked_worst_ratio
+    )
+}

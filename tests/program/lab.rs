@@ -1,0 +1,133 @@
+//! Experiments: tables, fits, and what is refused.
+
+use crate::common::{folder_names, raykiln, samples};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// A folder with two samples in folders of their own.
+fn two_samples() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for sample in samples().into_iter().filter(|s| ["overlapping", "staggered"].contains(&s.name.as_str())) {
+        fs::create_dir(folder.path().join(&sample.name)).unwrap();
+        fs::copy(&sample.scene, folder.path().join(&sample.name).join("scene.glb")).unwrap();
+    }
+    folder
+}
+
+/// Runs a configuration in a folder.
+fn lab(folder: &Path, config: &str, more: &[&str]) -> crate::common::Ran {
+    let path = folder.join("lab.toml");
+    fs::write(&path, config).unwrap();
+    raykiln(["lab", path.to_str().unwrap()].iter().chain(more))
+}
+
+const CONFIG: &str =
+    "scenes = ['*/*.glb']\nout = 'tables'\ndevice = 'cpu'\nrays = 64\ncounted_rays = 256\nrepeats = 3\n";
+const FIT: &str = "[fit]\nclass = 'no-rt-cores'\n";
+
+/// Whether a column holds what a clock said.
+fn is_time(name: &str) -> bool {
+    let measured = ["_picoseconds", "_speedup_ratio", "_spread_ratio"].iter().any(|end| name.ends_with(end));
+    measured && !name.ends_with("_predicted_picoseconds")
+}
+
+/// The table in a folder: names, and rows without what a clock said.
+fn table(folder: &Path) -> (Vec<String>, Vec<Vec<String>>) {
+    let mut reader = csv::Reader::from_path(folder.join("tables/layouts.csv")).expect("a table");
+    let names: Vec<String> = reader.headers().expect("a header").iter().map(str::to_owned).collect();
+    let timeless = |record: csv::StringRecord| {
+        record.iter().zip(&names).filter(|(_, name)| !is_time(name)).map(|(value, _)| value.to_owned()).collect()
+    };
+    let rows = reader.records().map(|record| timeless(record.expect("sound"))).collect();
+    (names, rows)
+}
+
+#[test]
+fn two_scenes_give_tables_and_prices() {
+    let folder = two_samples();
+    let ran = lab(folder.path(), &format!("{CONFIG}{FIT}"), &[]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let tables = folder.path().join("tables");
+    assert_eq!(folder_names(&tables), ["fit.json", "fit.md", "layouts.csv", "layouts.jsonl"]);
+    assert_eq!(folder_names(folder.path()), ["lab.toml", "overlapping", "staggered", "tables"]);
+
+    let (names, rows) = table(folder.path());
+    for name in ["scene", "layout", "device_kind", "two_level_cost", "predicted_bytes", "shadow_blas_nodes"] {
+        assert!(names.iter().any(|n| n == name), "{name} is no column of {names:?}");
+    }
+    let lines = fs::read_to_string(tables.join("layouts.jsonl")).unwrap();
+    let lines: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert_eq!(lines.len(), rows.len());
+    for (line, row) in lines.iter().zip(&rows) {
+        assert_eq!((line["scene"].as_str(), line["layout"].as_str()), (Some(row[0].as_str()), Some(row[1].as_str())));
+        assert_eq!(line["device_kind"], "cpu");
+        assert!(line["predicted_bytes"].as_u64().unwrap() > 0 && line["two_level_cost"].as_f64().unwrap() > 0.0);
+        for kind in ["primary", "shadow", "diffuse", "random"] {
+            let of = &line["kinds"][kind];
+            assert!(of["picoseconds"].as_f64().is_some_and(|t| t > 0.0), "{line}");
+            assert!(of["entries"].as_f64().is_some_and(|n| n > 0.0) && of["spread_ratio"].is_number(), "{line}");
+        }
+    }
+    let fit: Value = serde_json::from_slice(&fs::read(tables.join("fit.json")).unwrap()).expect("JSON");
+    assert_eq!((&fit["schema"], &fit["class"]), (&"raykiln.fit/1".into(), &"no-rt-cores".into()));
+    assert_eq!(fit["layouts"], rows.len());
+    for kind in fit["kinds"].as_array().expect("kinds") {
+        let prices = kind["prices"].as_object().expect("prices");
+        assert!(prices.len() == 4 && prices.values().all(|p| p.as_f64().is_some_and(|p| p >= 0.0)), "{kind}");
+        assert!(kind["rms_relative_error"].is_number() && kind["left_out"]["picked_mean_ratio"].is_number(), "{kind}");
+    }
+    let text = fs::read_to_string(tables.join("fit.md")).unwrap();
+    assert_eq!(text, ran.stdout);
+    assert!(text.contains("Class::NoRtCores => [\n    prices(") && text.contains("say nothing of one"), "{text}");
+}
+
+#[test]
+fn all_but_times_is_equal_in_every_run_and_for_any_number_of_threads() {
+    let folder = two_samples();
+    let runs: Vec<_> = ["1", "2", "5"]
+        .map(|threads| {
+            let ran = lab(folder.path(), CONFIG, &["--threads", threads, "--quiet"]);
+            assert_eq!((ran.status, ran.stdout.as_str(), ran.stderr.as_str()), (0, "", ""));
+            table(folder.path())
+        })
+        .into();
+    assert_eq!(runs[0].0.iter().filter(|name| is_time(name)).count(), 12);
+    assert!(runs[0].1.len() > 8 && runs.windows(2).all(|pair| pair[0] == pair[1]));
+}
+
+#[test]
+fn bad_configurations_and_scenes_leave_nothing() {
+    let folder = two_samples();
+    fs::write(folder.path().join("staggered/scene.glb"), "no scene").unwrap();
+    for (config, words) in [
+        (CONFIG.to_owned(), "staggered/scene.glb"),
+        (format!("{CONFIG}effrt = 3\n"), "lab.toml:7: unknown field `effrt`"),
+        (CONFIG.replace("'tables'", "'no/tables'"), "there is no folder"),
+        (CONFIG.replace("'cpu'", "'no such device'"), "`device`: "),
+        (CONFIG.replace("*/*.glb", "missing.glb"), "missing.glb"),
+    ] {
+        let ran = lab(folder.path(), &config, &[]);
+        assert_eq!((ran.status, ran.stdout.as_str()), (2, ""), "{config}");
+        assert!(ran.stderr.starts_with("error: ") && ran.stderr.contains(words), "{words}: {}", ran.stderr);
+        assert_eq!(folder_names(folder.path()), ["lab.toml", "overlapping", "staggered"], "{config}");
+    }
+    let ran = raykiln(["lab", folder.path().join("missing.toml").to_str().unwrap()]);
+    assert!(ran.status == 2 && ran.stderr.contains("missing.toml"), "{}", ran.stderr);
+}
+
+#[test]
+fn broken_scenes_can_be_left_out_and_a_fit_to_too_little_says_so() {
+    let folder = two_samples();
+    fs::write(folder.path().join("staggered/scene.glb"), "no scene").unwrap();
+    let ran = lab(folder.path(), &format!("{CONFIG}skip_broken = true\n"), &[]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    assert!(ran.stderr.contains("note: left out: ") && ran.stderr.contains("staggered/scene.glb"), "{}", ran.stderr);
+    assert!(table(folder.path()).1.iter().all(|row| row[0] == "overlapping/scene.glb"));
+
+    let ran = lab(folder.path(), &format!("{CONFIG}skip_broken = true\n{FIT}"), &[]);
+    assert_eq!(ran.status, 1, "{}", ran.stderr);
+    assert!(ran.stderr.contains("prices cannot be fitted"), "{}", ran.stderr);
+    assert_eq!(folder_names(&folder.path().join("tables")), ["layouts.csv", "layouts.jsonl"]);
+}
