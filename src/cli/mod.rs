@@ -132,7 +132,8 @@ fn run_lab(config: &Path, output: &Output) -> Result<ExitCode> {
     let done = done?;
     if !output.quiet {
         print(done.text.as_bytes())?;
-        done.notes.iter().for_each(|note| report::text::note(note));
+        let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
+        done.notes.iter().chain(warnings).for_each(|note| report::text::note(note));
     }
     if let Some(Err(why)) = done.fit {
         report::text::error(&format!("{why}; what was measured is in {}", done.out.display()));

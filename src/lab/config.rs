@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 use std::fs;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -16,6 +16,8 @@ use crate::verify::{DeviceChoice, VerifyOptions};
 
 /// Rays of a kind at most.
 const MOST_RAYS: u32 = 1 << 26;
+/// Repeats at most.
+const MOST_REPEATS: u32 = 1000;
 
 /// A matrix of scenes and layouts, and what to do with what is measured.
 pub(super) struct Config {
@@ -39,8 +41,8 @@ pub(super) struct Config {
 struct Keys {
     scenes: Spanned<Vec<Spanned<String>>>,
     methods: Option<Spanned<Vec<Spanned<String>>>>,
-    effort: Option<Spanned<u8>>,
-    device: Option<Spanned<String>>,
+    effort: Option<Spanned<u32>>,
+    device: Option<String>,
     rays: Option<Spanned<u32>>,
     counted_rays: Option<Spanned<u32>>,
     repeats: Option<Spanned<u32>>,
@@ -69,33 +71,13 @@ impl Config {
         let source = Source { path, text: &text };
         let keys: Keys = toml::from_str(&text).map_err(|e| source.error(e.span(), e.message()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let effort = keys.effort.as_ref().map(|e| source.at_most(e, "effort", 0, Effort::MOST.into())).transpose()?;
-        let effort = effort.map(|e| Effort::new(e as u8));
-        let defaults = VerifyOptions::default();
-        let count = |key: &Option<Spanned<u32>>, name, most| {
-            key.as_ref().map(|value| source.at_most(value, name, 1, most)).transpose()
-        };
-        let counted = count(&keys.counted_rays, "counted_rays", MOST_RAYS)?;
-        let timed = count(&keys.rays, "rays", MOST_RAYS)?;
         let config = Config {
             scenes: scenes(&source, &keys.scenes, folder)?,
-            plans: chosen_plans(&source, &keys, effort)?,
-            verify: VerifyOptions {
-                device: keys
-                    .device
-                    .as_ref()
-                    .map_or(defaults.device.clone(), |d| DeviceChoice::from(d.as_ref().as_str())),
-                rays_per_kind: timed.unwrap_or(defaults.rays_per_kind),
-                timed_rays_per_kind: timed,
-                repeats: count(&keys.repeats, "repeats", 1000)?.unwrap_or(defaults.repeats),
-                seed: keys.seed.unwrap_or(defaults.seed),
-                max_position_error_ratio: match &keys.max_position_error_ratio {
-                    Some(ratio) => source.ratio(ratio, "max_position_error_ratio")?,
-                    None => defaults.max_position_error_ratio,
-                },
-                ..defaults
-            },
-            counted_rays: counted.map_or(effort.unwrap_or_default().rays(), |count| count as usize),
+            plans: chosen_plans(&source, &keys)?,
+            verify: verify_options(&source, &keys)?,
+            counted_rays: source
+                .count(&keys.counted_rays, "counted_rays", MOST_RAYS)?
+                .map_or(Effort::default().rays(), |n| n as usize),
             out: folder.join(&keys.out),
             skip_broken: keys.skip_broken,
             fit: keys.fit.as_ref().map(|fit| class(&source, &fit.class)).transpose()?,
@@ -129,20 +111,18 @@ impl Source<'_> {
         LabError::Config { file: self.path.to_owned(), line, cause: cause.to_string() }
     }
 
-    fn at_most<T: Copy + Into<u32>>(
-        &self,
-        value: &Spanned<T>,
-        key: &str,
-        least: u32,
-        most: u32,
-    ) -> Result<u32, LabError> {
-        let number = (*value.get_ref()).into();
-        match (least..=most).contains(&number) {
+    fn within(&self, value: &Spanned<u32>, key: &str, allowed: RangeInclusive<u32>) -> Result<u32, LabError> {
+        let (number, [least, most]) = (*value.get_ref(), [allowed.start(), allowed.end()]);
+        match allowed.contains(&number) {
             true => Ok(number),
             false => {
                 Err(self.error(Some(value.span()), format!("`{key}` is {number}, not between {least} and {most}")))
             }
         }
+    }
+
+    fn count(&self, value: &Option<Spanned<u32>>, key: &str, most: u32) -> Result<Option<u32>, LabError> {
+        value.as_ref().map(|value| self.within(value, key, 1..=most)).transpose()
     }
 
     fn ratio(&self, value: &Spanned<f64>, key: &str) -> Result<f64, LabError> {
@@ -151,6 +131,24 @@ impl Source<'_> {
             _ => Err(self.error(Some(value.span()), format!("`{key}` is a number of at least 0"))),
         }
     }
+}
+
+/// How layouts are timed.
+fn verify_options(source: &Source<'_>, keys: &Keys) -> Result<VerifyOptions, LabError> {
+    let defaults = VerifyOptions::default();
+    let timed = source.count(&keys.rays, "rays", MOST_RAYS)?;
+    Ok(VerifyOptions {
+        device: keys.device.as_deref().map_or(defaults.device.clone(), DeviceChoice::from),
+        rays_per_kind: timed.unwrap_or(defaults.rays_per_kind),
+        timed_rays_per_kind: timed,
+        repeats: source.count(&keys.repeats, "repeats", MOST_REPEATS)?.unwrap_or(defaults.repeats),
+        seed: keys.seed.unwrap_or(defaults.seed),
+        max_position_error_ratio: match &keys.max_position_error_ratio {
+            Some(ratio) => source.ratio(ratio, "max_position_error_ratio")?,
+            None => defaults.max_position_error_ratio,
+        },
+        ..defaults
+    })
 }
 
 /// The scenes in the order of the list, what a glob matches by name; each once.
@@ -198,14 +196,18 @@ fn files(entry: &str, folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
 }
 
 /// The layouts listed in `methods`, or else those of an effort, the largest if none is named.
-fn chosen_plans(source: &Source<'_>, keys: &Keys, effort: Option<Effort>) -> Result<Vec<Plan>, LabError> {
-    let all = plans(Effort::new(Effort::MOST), &Options::default());
-    let Some(methods) = &keys.methods else {
-        return Ok(effort.map_or(all, |effort| plans(effort, &Options::default())));
+fn chosen_plans(source: &Source<'_>, keys: &Keys) -> Result<Vec<Plan>, LabError> {
+    let most = u32::from(Effort::MOST);
+    let of_effort = |effort: u32| plans(Effort::new(effort as u8), &Options::default());
+    let methods = match (&keys.methods, &keys.effort) {
+        (Some(methods), None) => methods,
+        (Some(_), Some(effort)) => {
+            return Err(source.error(Some(effort.span()), "`effort` and `methods` cannot both be given"));
+        }
+        (None, Some(effort)) => return Ok(of_effort(source.within(effort, "effort", 0..=most)?)),
+        (None, None) => return Ok(of_effort(most)),
     };
-    if let Some(effort) = &keys.effort {
-        return Err(source.error(Some(effort.span()), "`effort` and `methods` cannot both be given"));
-    }
+    let all = of_effort(most);
     let defaults = Method::ALL.map(|m| Plan { name: m.name().to_owned(), method: m, options: Options::default() });
     let known: Vec<&Plan> = all.iter().chain(&defaults).collect();
     let plan = |name: &Spanned<String>| {

@@ -2,8 +2,9 @@
 //!
 //! For each kind of rays the prices of [`crate::choose::model`] that make the sum of squares of the *relative* errors of
 //! predicted times least, none of them negative ([`super::nnls`]). How far they can be trusted, a prediction of every
-//! scene tells by prices fitted to the others: P. Lachenbruch, M. Mickey, "Estimation of Error Rates in Discriminant
-//! Analysis", Technometrics 10(1), 1968, with scenes instead of single rows left out, as layouts of one scene are alike.
+//! scene tells by prices fitted to the others: M. Stone, "Cross-Validatory Choice and Assessment of Statistical
+//! Predictions", Journal of the Royal Statistical Society B 36(2), 1974. Whole scenes are left out, not single rows,
+//! since layouts of one scene are alike.
 
 use serde::Serialize;
 
@@ -107,30 +108,16 @@ pub(super) fn fit(rows: &[Row], class: Class) -> Result<Fit, FitError> {
     if scenes.len() < 2 {
         return Err(FitError::TooFewScenes { scenes: scenes.len() });
     }
-    let left_out: Vec<[Prices; 4]> = (0..scenes.len())
-        .map(|out| {
-            let others: Vec<&Sample> =
-                scenes.iter().enumerate().filter(|(i, _)| *i != out).flat_map(|(_, scene)| scene).collect();
-            [0, 1, 2, 3].map(|kind| prices(&others, kind))
-        })
-        .collect();
+    let fitted: Vec<[Prices; 4]> = (0..scenes.len()).map(|out| prices_without(&scenes, out)).collect();
     let table = class.prices();
     let predicted = |weights: &Weights| Predicted {
-        left_out: quality(&times(&scenes, weights, |scene| &left_out[scene])),
+        left_out: quality(&times(&scenes, weights, |scene| &fitted[scene])),
         by_table: quality(&times(&scenes, weights, |_| &table)),
     };
     let kind = |kind: usize| {
-        let prices = prices(&all, kind);
         let mut only = Weights([0.0; 4]);
         only.0[kind] = 1.0;
-        KindFit {
-            kind: KINDS[kind],
-            prices,
-            rms_relative_error: rms_relative_error(&all, kind, &prices),
-            table: table[kind],
-            table_rms_relative_error: rms_relative_error(&all, kind, &table[kind]),
-            predicted: predicted(&only),
-        }
+        kind_fit(&all, kind, table[kind], predicted(&only))
     };
     Ok(Fit {
         schema: SCHEMA,
@@ -143,6 +130,24 @@ pub(super) fn fit(rows: &[Row], class: Class) -> Result<Fit, FitError> {
         kinds: (0..4).map(kind).collect(),
         overall: predicted(&Weights::default()),
     })
+}
+
+/// Prices of all kinds, fitted to all scenes but one.
+fn prices_without(scenes: &[Vec<Sample>], out: usize) -> [Prices; 4] {
+    let others: Vec<&Sample> = scenes[..out].iter().chain(&scenes[out + 1..]).flatten().collect();
+    [0, 1, 2, 3].map(|kind| prices(&others, kind))
+}
+
+fn kind_fit(samples: &[&Sample], kind: usize, table: Prices, predicted: Predicted) -> KindFit {
+    let prices = prices(samples, kind);
+    KindFit {
+        kind: KINDS[kind],
+        prices,
+        rms_relative_error: rms_relative_error(samples, kind, &prices),
+        table,
+        table_rms_relative_error: rms_relative_error(samples, kind, &table),
+        predicted,
+    }
 }
 
 /// What a row says; none unless every kind of rays was timed.
@@ -195,7 +200,7 @@ mod tests {
     /// Layouts of scenes, single BLASes first, whose rays take what the prices say, times what `error` says.
     fn planted(prices: &Prices, scenes: usize, layouts: usize, error: impl Fn(usize) -> f64) -> Vec<Row> {
         let row = |i: usize| {
-            let single = i % layouts == 0;
+            let single = i.is_multiple_of(layouts);
             let counts = Counts {
                 top: if single { 0.0 } else { 40.0 * noise(3 * i) },
                 entries: if single { 1.0 } else { 1.0 + 12.0 * noise(3 * i + 1) },

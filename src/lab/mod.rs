@@ -67,6 +67,8 @@ pub struct Lab {
     pub out: PathBuf,
     /// What was left out or done otherwise than asked, in words.
     pub notes: Vec<String>,
+    /// What the readers of the scenes mended or left out.
+    pub warnings: Vec<String>,
     /// A summary in Markdown.
     pub text: String,
 }
@@ -84,13 +86,13 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     let machine = machine.map_err(|e| LabError::Device(e.to_string().replace("--device", "`device`")))?;
     let mut notes = machine.notes().to_vec();
     let class = config.fit.unwrap_or_default();
-    let mut rows = Vec::new();
+    let (mut rows, mut warnings) = (Vec::new(), Vec::new());
     for (name, path) in &config.scenes {
         progress(name);
         match measure(name, path, &machine, class, &config) {
-            Ok((of_scene, warnings)) => {
+            Ok((of_scene, of_reader)) => {
                 rows.extend(of_scene);
-                notes.extend(warnings);
+                warnings.extend(of_reader);
             }
             Err(why) if config.skip_broken => notes.push(format!("left out: {why}")),
             Err(why) => return Err(LabError::Scene(why)),
@@ -101,7 +103,7 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     let fitted = fit.as_ref().and_then(|fit| fit.as_ref().ok()).map(|fit| (fit, class));
     output::write(&config.out, &rows, fitted)?;
     let text = fitted.map_or_else(|| summary(&rows, &machine), |(fit, class)| output::markdown(fit, class));
-    Ok(Lab { rows, fit, out: config.out, notes, text })
+    Ok(Lab { rows, fit, out: config.out, notes, warnings, text })
 }
 
 /// The rows of a scene file, and what its reader mended or left out.

@@ -99,3 +99,71 @@ fn quality_line(kind: &str, prices: &str, quality: Option<&Quality>) -> String {
         q.picked_mean_ratio, q.picked_worst_ratio
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::{KindFit, Predicted, SCHEMA};
+    use super::*;
+
+    fn fit() -> Fit {
+        let predicted = Predicted { left_out: None, by_table: None };
+        let prices = Prices { ray: 38.04, top: 2.5, entry: 24.1, bottom: 0.0 };
+        let kind = |kind| KindFit {
+            kind,
+            prices,
+            rms_relative_error: 0.123,
+            table: prices,
+            table_rms_relative_error: 0.1,
+            predicted,
+        };
+        Fit {
+            schema: SCHEMA,
+            raykiln_version: "0",
+            class: "rt-cores",
+            device: "a GPU".into(),
+            device_kind: "gpu",
+            layouts: 8,
+            scenes: 2,
+            kinds: ["primary", "shadow", "diffuse", "random"].map(kind).into(),
+            overall: predicted,
+        }
+    }
+
+    #[test]
+    fn prices_are_written_as_the_source_has_them_with_their_residual() {
+        let text = markdown(&fit(), Class::RtCores);
+        assert!(
+            text.contains("Class::RtCores => [\n    prices(38.0, 2.5, 24.1, 0.0), // primary: residual 12.3 %\n"),
+            "{text}"
+        );
+        assert!(text.contains("| shadow | 38.0 + 2.5 T + 24.1 E + 0.0 N | 12.3 % |"), "{text}");
+        assert!(text.contains("| overall | table | - | - | - | - |") && !text.contains("say nothing"), "{text}");
+    }
+
+    #[test]
+    fn tables_of_an_earlier_run_do_not_stay_and_other_files_do() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let out = folder.path().join("out");
+        write(&out, &[Row::default()], Some((&fit(), Class::RtCores))).expect("written");
+        fs::write(out.join("mine.txt"), "notes").expect("writable");
+        assert!(out.join("fit.json").is_file());
+        write(&out, &[], None).expect("written");
+        let mut names: Vec<_> =
+            fs::read_dir(&out).expect("a folder").map(|e| e.expect("readable").file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["layouts.csv", "layouts.jsonl", "mine.txt"]);
+        assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 1, "the hidden folder is gone");
+    }
+
+    #[test]
+    fn places_that_cannot_be_written_are_refused_beforehand() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        fs::write(folder.path().join("file"), "").expect("writable");
+        fs::create_dir_all(folder.path().join("out/fit.md")).expect("writable");
+        assert!(check(&folder.path().join("new")).is_ok());
+        for (name, words) in [("file", "is no folder"), ("no/out", "there is no folder"), ("out", "holds a folder")] {
+            let error = check(&folder.path().join(name)).expect_err(name).to_string();
+            assert!(error.contains(words), "{error}");
+        }
+    }
+}

@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn commas_and_quotes_in_names_survive_csv() {
         let row = Row { scene: "a \"b\", c.glb".into(), layout: "cluster, entry 5".into(), ..Row::default() };
-        let table = to_csv(&[row.clone()]).expect("written");
+        let table = to_csv(std::slice::from_ref(&row)).expect("written");
         let mut reader = csv::Reader::from_reader(table.as_slice());
         let header = reader.headers().expect("a header").clone();
         assert_eq!(header.len(), 13 + 4 * 7);

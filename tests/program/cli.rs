@@ -23,7 +23,7 @@ fn bake_heaps(more: &[&str]) -> (crate::common::Ran, TempDir) {
 fn help_names_every_command_method_and_option() {
     let ran = raykiln(["--help"]);
     assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
-    for command in ["bake", "verify", "inspect", "devices", "completions", "man"] {
+    for command in ["bake", "verify", "inspect", "lab", "devices", "completions", "man"] {
         assert!(ran.stdout.contains(command), "{command}");
     }
     let ran = raykiln(["bake", "--help"]);
@@ -185,7 +185,7 @@ fn completions_and_the_manual_page_are_printed() {
     let page = raykiln(["man"]);
     assert_eq!(page.status, 0, "{}", page.stderr);
     assert!(page.stdout.starts_with(".ie") && page.stdout.contains(".TH raykiln 1"), "{}", page.stdout);
-    for command in ["bake", "verify", "inspect", "devices"] {
+    for command in ["bake", "verify", "inspect", "lab", "devices"] {
         assert!(page.stdout.contains(&format!(".TH raykiln-{command} 1")), "{command}");
     }
 }
