@@ -2,7 +2,7 @@
 
 use crate::Request;
 use crate::random::Random;
-use crate::shapes::{Shape, cube, icosphere, knot, tube};
+use crate::shapes::{Shape, cube, icosphere, knot, sweep, tube};
 use crate::writer::Writer;
 use glam::{DAffine3, DQuat, DVec3, dvec3};
 use serde_json::json;
@@ -13,7 +13,7 @@ use std::path::Path;
 const HALF: f64 = 50.0;
 
 /// Materials of a scene, so that merging has something to keep apart.
-fn palette(writer: &mut Writer) -> Vec<usize> {
+pub(crate) fn palette(writer: &mut Writer) -> Vec<usize> {
     let shade = |i: usize| [0.2 + 0.1 * i as f64, 0.5, 0.9 - 0.1 * i as f64];
     (0..8).map(|i| writer.material(&format!("paint {i}"), shade(i))).collect()
 }
@@ -83,6 +83,51 @@ pub(crate) fn instances(out: &Path, request: &Request) -> io::Result<()> {
         let translation = random.in_cube(HALF).as_vec3().to_array();
         let node = json!({"name": format!("knot {i}"), "mesh": mesh, "rotation": rotation,
             "translation": translation, "scale": [scale, scale, scale]});
+        writer.push("nodes", node);
+    }
+    writer.finish(None)
+}
+
+/// Strands of hair on a ball: each leaves it at right angles and hangs down, of 3 sides and 2 segments, in locks of one
+/// mesh each.
+pub(crate) fn hair(out: &Path, request: &Request) -> io::Result<()> {
+    const LOCKS: usize = 8;
+    let mut random = Random::new(request.seed);
+    let mut writer = Writer::create(out)?;
+    let materials = palette(&mut writer);
+    let count = request.count.unwrap_or(30_000);
+    for (lock, &material) in materials.iter().enumerate().take(LOCKS) {
+        let strands = (count + LOCKS - 1 - lock) / LOCKS;
+        let hair = (0..strands).fold(Shape::default(), |so_far, _| so_far.and(&strand(&mut random)));
+        writer.object(&format!("lock {lock}"), &hair, Some(material))?;
+    }
+    writer.finish(None)
+}
+
+fn strand(random: &mut Random) -> Shape {
+    let out = random.rotation() * DVec3::Y;
+    let (root, length) = (0.4 * HALF * out, random.between(0.3, 0.5) * HALF);
+    let drop = random.between(0.2, 0.6) * length;
+    let aside = out.any_orthonormal_vector().cross(DVec3::Y + 0.1 * out).normalize();
+    sweep(random.between(0.0005, 0.001) * HALF, 3, 2, aside, |t| root + length * t * out - drop * t * t * DVec3::Y)
+}
+
+/// Instances of one knot on the points of a cubic lattice, so far apart that even the boxes of turned boxes are disjoint.
+pub(crate) fn lattice(out: &Path, request: &Request) -> io::Result<()> {
+    let count = request.count.unwrap_or(1_000);
+    let edge = (1..).find(|n: &usize| n.pow(3) >= count).expect("a cube is large enough");
+    let pitch = 2.0 * HALF / edge as f64;
+    // Half the diagonal of the knot's box is below 5.1 units.
+    let scale = pitch / (2.0 * 5.1);
+    let mut random = Random::new(request.seed);
+    let mut writer = Writer::create(out)?;
+    let material = writer.material("brass", [0.8, 0.6, 0.2]);
+    let mesh = writer.mesh("knot", &[(&knot(0.4, 220, 25), Some(material))])?;
+    for i in 0..count {
+        let rotation = random.rotation().as_quat().normalize().to_array();
+        let place = [i % edge, i / edge % edge, i / (edge * edge)].map(|n| (n as f64 + 0.5) * pitch - HALF);
+        let node = json!({"name": format!("knot {i}"), "mesh": mesh, "rotation": rotation,
+            "translation": place, "scale": [scale, scale, scale]});
         writer.push("nodes", node);
     }
     writer.finish(None)

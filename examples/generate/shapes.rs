@@ -172,18 +172,23 @@ pub(crate) fn tube(radius: f64, length: f64, sides: u32, segments: u32) -> Shape
     })
 }
 
+/// An open tube along a curve over 0..=1: 2 `sides` `segments` triangles. The curve never runs along `aside`.
+pub(crate) fn sweep(radius: f64, sides: u32, segments: u32, aside: DVec3, at: impl Fn(f64) -> DVec3) -> Shape {
+    grid(segments, sides, |along, around| {
+        let tangent = (at(along + 1e-4) - at(along - 1e-4)).normalize();
+        let side = tangent.cross(aside).normalize();
+        let normal = (TAU * around).cos() * side - (TAU * around).sin() * side.cross(tangent);
+        (at(along) + radius * normal, normal)
+    })
+}
+
 /// A tube along the (2, 3) torus knot, which fits a cube of about 6 units: 2 `segments` `sides` triangles.
 pub(crate) fn knot(radius: f64, segments: u32, sides: u32) -> Shape {
     let center = |t: f64| {
         let (a, ring) = (TAU * t, 2.0 + (3.0 * TAU * t).cos());
         dvec3(ring * (2.0 * a).cos(), ring * (2.0 * a).sin(), (3.0 * a).sin())
     };
-    grid(segments, sides, |along, around| {
-        let tangent = (center(along + 1e-4) - center(along - 1e-4)).normalize();
-        let side = tangent.cross(DVec3::Z).normalize();
-        let normal = (TAU * around).cos() * side - (TAU * around).sin() * side.cross(tangent);
-        (center(along) + radius * normal, normal)
-    })
+    sweep(radius, sides, segments, DVec3::Z, center)
 }
 
 /// A rectangular grid bent by `at`, which gives position and normal from two coordinates in 0..=1.
