@@ -18,6 +18,7 @@ use crate::emit;
 use crate::layout::{self, Layout, Method};
 use crate::report::{self, BakeReport, Input, Pass, Seconds, Verdict};
 use crate::scene::{self, LoadOptions, Scene};
+use crate::verify::build::BlasPer;
 use crate::verify::weights::Weights;
 use crate::verify::{DeviceError, Machine, Verification, VerifyOptions};
 use clock::Clock;
@@ -70,7 +71,8 @@ pub fn bake(
     scene.check().map_err(|e| BakeError::Internal(e.0))?;
 
     clock.enter(Stage::Analyse);
-    let before = measure_as_is(&scene);
+    let blas_per = options.verify.build.blas_per;
+    let before = measure_as_built(&scene, blas_per);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
     let (shared, copies) = copies::share(&doc, &mut scene, &before, options);
@@ -90,14 +92,16 @@ pub fn bake(
         (after_scene, verification, verdict) = verify(&written)?;
     }
     clock.enter(Stage::Analyse);
-    let after = if written.unchanged { before.clone() } else { measure_as_is(&after_scene) };
+    let after = if written.unchanged { before.clone() } else { measure_as_built(&after_scene, blas_per) };
 
-    let notes = [chosen.layout.notes, written.notes, verification.notes.clone()].concat();
+    let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
+    let notes = [chosen.layout.notes, written.notes, verification.notes.clone(), profiles].concat();
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(input.to_owned(), &scene),
         output: output.to_owned(),
+        blas_per,
         before,
         verdict,
         method: chosen.report.with_written(&after, verification.position_error_ratio, seconds),
@@ -123,9 +127,32 @@ fn words(warnings: &[&[Warning]]) -> Vec<String> {
     warnings.concat().iter().map(ToString::to_string).collect()
 }
 
-/// The metrics of a scene as it stands.
+/// The metrics of a scene as it stands, with one BLAS a mesh.
 pub fn measure_as_is(scene: &Scene) -> Metrics {
-    cost::measure(scene, &layout::run(Method::Keep, scene, &layout::Options::default()))
+    measure_as_built(scene, BlasPer::Mesh)
+}
+
+/// The metrics of a scene as it stands and as its consumer builds it.
+pub fn measure_as_built(scene: &Scene, per: BlasPer) -> Metrics {
+    let layout = layout::run(Method::Keep, scene, &layout::Options::default());
+    cost::measure(scene, &choose::as_built(scene, &layout, per))
+}
+
+/// Where metrics are those of one BLAS a primitive, what the two scenes would cost with one a mesh.
+pub(crate) fn per_primitive_note(per: BlasPer, scenes: [&Scene; 2], metrics: [&Metrics; 2]) -> Vec<String> {
+    if per == BlasPer::Mesh {
+        return Vec::new();
+    }
+    let of_meshes = scenes.map(measure_as_is);
+    let costs = |m: [&Metrics; 2]| {
+        let [before, after] = m.map(|m| format!("{:.2} in {} BLASes", m.two_level_cost, m.mesh_groups));
+        format!("{before} before, {after} after")
+    };
+    vec![format!(
+        "built as one BLAS a primitive, the two-level cost is {}; as one BLAS a mesh, {}",
+        costs(metrics),
+        costs([&of_meshes[0], &of_meshes[1]])
+    )]
 }
 
 struct Written {

@@ -1,5 +1,6 @@
 //! A layout in the running.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use super::model::Ranking;
@@ -11,6 +12,7 @@ use crate::layout::{self, Cache, Content, Layout};
 use crate::report::{self, Pass};
 use crate::scene::{Pinned, Scene};
 use crate::verify::Lap;
+use crate::verify::build::BlasPer;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::Weights;
 
@@ -59,7 +61,7 @@ impl Laid {
 }
 
 impl Candidate {
-    /// Predicts what a layout costs; `trees` are those of the scene as it is.
+    /// Predicts what a layout costs as it is built; `trees` are those of the scene as it is.
     pub(super) fn new(
         scene: &Scene,
         before: &Metrics,
@@ -68,14 +70,17 @@ impl Candidate {
         ranking: &Ranking,
         trees: &TwoLevel,
     ) -> Candidate {
-        let (predicted_cost, sampled_cost) = if emit::is_unchanged(&laid.layout) {
-            (before.two_level_cost, ranking.picoseconds(trees))
-        } else {
-            let trees = TwoLevel::build(&layout::stored(scene, &laid.layout));
-            (trees.cost(scene.bounds().area()), ranking.picoseconds(&trees))
+        let built = as_built(scene, &laid.layout, ranking.blas_per);
+        let (predicted_cost, sampled_cost) = match (&built, emit::is_unchanged(&laid.layout)) {
+            (Cow::Borrowed(_), true) => (before.two_level_cost, ranking.picoseconds(trees)),
+            (built, unchanged) => {
+                let trees = TwoLevel::build(&layout::stored(scene, built));
+                let cost = if unchanged { before.two_level_cost } else { trees.cost(scene.bounds().area()) };
+                (cost, ranking.picoseconds(&trees))
+            }
         };
-        let as_bytes = as_bytes(scene, &laid.layout);
-        let largest_group = largest_group(scene, &laid.layout);
+        let as_bytes = as_bytes(scene, &built);
+        let largest_group = largest_group(scene, &built);
         Candidate {
             plan,
             laid,
@@ -108,6 +113,14 @@ impl Candidate {
             position_error_ratio: Some(self.laid.position_error_ratio),
             seconds: self.seconds,
         }
+    }
+}
+
+/// A layout as its consumer builds it.
+pub(crate) fn as_built<'l>(scene: &Scene, layout: &'l Layout, per: BlasPer) -> Cow<'l, Layout> {
+    match per {
+        BlasPer::Mesh => Cow::Borrowed(layout),
+        BlasPer::Primitive => Cow::Owned(layout::per_geometry(scene, layout)),
     }
 }
 

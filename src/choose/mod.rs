@@ -2,7 +2,8 @@
 //!
 //! Candidates are laid out, ranked by what rays are predicted to cost ([`model`]), and, where a device traces, the best
 //! few of them are built and timed in turns with the input: structure is where predictions fail. The input as it is
-//! always competes, and wins where nothing beats it.
+//! always competes, and wins where nothing beats it. What counts is the layout as its consumer builds it: with one BLAS a
+//! primitive, each geometry of a group is a group of its own.
 
 mod candidate;
 mod decide;
@@ -10,12 +11,15 @@ pub mod model;
 mod passes;
 pub mod plans;
 
+pub(crate) use candidate::as_built;
+
 use std::time::Instant;
 
 use crate::cost::Metrics;
 use crate::layout::{self, Cache, Layout, Method};
 use crate::report::{MethodReport, Pass};
 use crate::scene::Scene;
+use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Machine, VerifyOptions};
@@ -99,7 +103,7 @@ pub fn choose(
 }
 
 fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify: &VerifyOptions) -> Chosen {
-    let plan = Plan { name: method.name().to_owned(), method, options: options.layout.clone() };
+    let plan = Plan { name: method.name().to_owned(), method, options: told(&options.layout, verify) };
     let laid = lay_out(&mut Cache::default(), scene, &plan, verify.max_position_error_ratio);
     let report = MethodReport {
         requested: options.method.name(),
@@ -111,6 +115,12 @@ fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify:
     finish(scene, laid, report, Vec::new(), false)
 }
 
+/// What the methods are told, and how the consumer builds what they lay out.
+fn told(options: &layout::Options, verify: &VerifyOptions) -> layout::Options {
+    let one_geometry_a_group = options.one_geometry_a_group || verify.build.blas_per == BlasPer::Primitive;
+    layout::Options { one_geometry_a_group, ..options.clone() }
+}
+
 /// The best candidate.
 fn best(
     scene: &mut Scene,
@@ -120,7 +130,7 @@ fn best(
     verify: &VerifyOptions,
 ) -> Chosen {
     let max_bytes_ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
-    let told = layout::Options { max_bytes_ratio: Some(max_bytes_ratio), ..options.layout.clone() };
+    let told = layout::Options { max_bytes_ratio: Some(max_bytes_ratio), ..told(&options.layout, verify) };
     let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
     let mut candidates = evaluate(scene, before, &plans, options, verify);
     let start = Instant::now();
@@ -156,7 +166,8 @@ fn evaluate(
 ) -> Vec<Candidate> {
     let trees = TwoLevel::build(scene);
     let rays = rays::generate(scene, &Reference::new(&trees), options.effort.rays(), verify.seed);
-    let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights };
+    let blas_per = verify.build.blas_per;
+    let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
     let mut candidates: Vec<Candidate> = Vec::new();
     let mut cache = Cache::default();
     for plan in plans {

@@ -7,6 +7,7 @@
 
 use serde::Serialize;
 
+use crate::verify::build::BlasPer;
 use crate::verify::cpu::{CpuTracer, Steps, TwoLevel};
 use crate::verify::rays::{Ray, RayKind, Rays};
 use crate::verify::weights::Weights;
@@ -89,6 +90,8 @@ pub(super) struct Ranking<'a> {
     pub(super) rays: &'a Rays,
     pub(super) class: Class,
     pub(super) weights: Weights,
+    /// How layouts are built.
+    pub(super) blas_per: BlasPer,
 }
 
 impl Ranking<'_> {

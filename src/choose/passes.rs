@@ -7,7 +7,7 @@ use crate::cost::Metrics;
 use crate::emit;
 use crate::layout::{self, Layout, Method};
 use crate::report::Pass;
-use crate::scene::Scene;
+use crate::scene::{Opacity, Scene};
 
 /// Triangles whose boxes have on average less than this many times the area of the tightest lie along the axes.
 const LOOSE: f64 = 1.02;
@@ -27,17 +27,49 @@ pub(super) fn worth_a_try(scene: &Scene, before: &Metrics, plans: Vec<Plan>) -> 
         },
         start,
     );
+    let (frames, isolate, opacity) = (frames(scene), isolate(scene), split_opacity(scene));
+    let mut tried: Vec<Plan> = Vec::new();
+    for mut plan in plans.into_iter().filter(|plan| plan.method != Method::Overlap || separate.applied) {
+        plan.options.frames &= frames.applied;
+        plan.options.isolate &= isolate.applied;
+        plan.options.split_opacity &= opacity.applied;
+        if !tried.iter().any(|other| other.method == plan.method && other.options == plan.options) {
+            tried.push(plan);
+        }
+    }
+    (tried, vec![separate, frames, isolate, opacity])
+}
+
+fn frames(scene: &Scene) -> Pass {
     let start = Instant::now();
     let looseness = layout::looseness(scene);
     let reason = match looseness > LOOSE {
         true => format!("the boxes of triangles are {looseness:.2} times as large as they need be"),
         false => "all triangles lie along the axes".to_owned(),
     };
-    let frames = pass("frames", looseness > LOOSE, &reason, start);
-    let mut tried = plans;
-    tried.retain(|plan| plan.method != Method::Overlap || separate.applied);
-    tried.iter_mut().for_each(|plan| plan.options.frames &= frames.applied);
-    (tried, vec![separate, frames])
+    pass("frames", looseness > LOOSE, &reason, start)
+}
+
+fn isolate(scene: &Scene) -> Pass {
+    let start = Instant::now();
+    let isolates = layout::isolates(scene);
+    let reason = match isolates {
+        true => "some objects enclose the rest or lie far outside",
+        false => "no object encloses the scene and none lies far outside",
+    };
+    pass("isolate", isolates, reason, start)
+}
+
+fn split_opacity(scene: &Scene) -> Pass {
+    let start = Instant::now();
+    let differ = layout::opacities_differ(scene);
+    let opaque = || scene.meshes.iter().flat_map(|m| &m.geometries).all(|g| g.opacity == Opacity::Opaque);
+    let reason = match differ {
+        true => "some triangles are opaque and some are not",
+        false if opaque() => "all materials are opaque",
+        false => "opaque triangles and others that may be regrouped do not meet",
+    };
+    pass("split opacity", differ, reason, start)
 }
 
 /// The pass that times candidates on a device.

@@ -53,11 +53,13 @@ const PROHIBITIVE: f64 = 1e9;
 
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.
-const PLANS: [Entry; 15] = [
+const PLANS: [Entry; 19] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
     (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
     (2, "cluster, entry 15", Method::Cluster, |o| o.entry_cost = 15.0),
+    (2, "single, isolated", Method::Single, |o| o.isolate = true),
+    (2, "single, opacity split", Method::Single, |o| o.split_opacity = true),
     (3, "cluster, entry 40", Method::Cluster, |o| o.entry_cost = 40.0),
     (3, "cluster, entry 5", Method::Cluster, |o| o.entry_cost = 5.0),
     (3, "cluster, entry 15, extent 0.25", Method::Cluster, |o| {
@@ -70,6 +72,8 @@ const PLANS: [Entry; 15] = [
     (4, "cluster, entry 15, extent 0.5", Method::Cluster, |o| {
         (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.5))
     }),
+    (4, "cluster, entry 15, isolated", Method::Cluster, |o| (o.entry_cost, o.isolate) = (15.0, true)),
+    (5, "cluster, entry 15, opacity split", Method::Cluster, |o| (o.entry_cost, o.split_opacity) = (15.0, true)),
     (5, "cluster, entry 2", Method::Cluster, |o| o.entry_cost = 2.0),
     (5, "cluster, entry 15, extent 0.125", Method::Cluster, |o| {
         (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.125))

@@ -175,6 +175,13 @@ struct LayoutArguments {
     /// What a method does with instances of meshes that several place
     #[arg(long, value_enum, default_value_t = InstancesArgument::BakeOrKeep)]
     instances: InstancesArgument,
+    /// single, cluster: give objects that enclose the rest, or lie far outside it, groups of their own [auto: where it
+    /// pays]
+    #[arg(long, value_name = "BOOL", default_value_t = false, action = clap::ArgAction::Set)]
+    isolate: bool,
+    /// single, cluster: give triangles that are not opaque groups of their own [auto: where it pays]
+    #[arg(long, value_name = "BOOL", default_value_t = false, action = clap::ArgAction::Set)]
+    split_opacity: bool,
     /// cluster: what it costs to enter an instance, in steps from node to node
     #[arg(long, value_name = "STEPS", default_value_t = layout::Options::default().entry_cost, value_parser = ratio)]
     entry_cost: f64,
@@ -221,7 +228,7 @@ pub(super) struct VerifyArguments {
     /// Compact BLASes
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     compact: bool,
-    /// What goes into one BLAS
+    /// What goes into one BLAS: on the device, in what is predicted, and in the costs reported
     #[arg(long, value_enum, value_name = "PART", default_value_t = BlasPerArgument::Mesh)]
     blas_per: BlasPerArgument,
 }
@@ -385,6 +392,8 @@ impl BakeArguments {
                         InstancesArgument::BakeOrKeep => Instances::BakeOrKeep,
                         InstancesArgument::Choose => Instances::Choose,
                     },
+                    isolate: l.isolate,
+                    split_opacity: l.split_opacity,
                     entry_cost: l.entry_cost,
                     frames: l.frames,
                     max_group_triangles: l.max_group_triangles,

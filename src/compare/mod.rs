@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use crate::bake::{self, BakeError, measure_as_is};
+use crate::bake::{self, BakeError, measure_as_built, per_primitive_note};
 use crate::report::{self, Input, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::identity::Identity;
@@ -32,14 +32,19 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
     let matching = by.choose(&scene_before, &scene_after);
     let options = VerifyOptions { matching, ..options.clone() };
     let verification = machine.verify(&scene_before, &scene_after, &options)?;
-    let notes = verification.notes.iter().cloned().chain(note(by, matching, &scene_after, &verification)).collect();
+    let blas_per = options.build.blas_per;
+    let [metrics_before, metrics_after] = [&scene_before, &scene_after].map(|s| measure_as_built(s, blas_per));
+    let profiles = per_primitive_note(blas_per, [&scene_before, &scene_after], [&metrics_before, &metrics_after]);
+    let about_matching = note(by, matching, &scene_after, &verification);
+    let notes = verification.notes.iter().cloned().chain(about_matching).chain(profiles).collect();
     Ok(VerifyReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(before.to_owned(), &scene_before),
         output: after.to_owned(),
-        before: measure_as_is(&scene_before),
-        after: measure_as_is(&scene_after),
+        blas_per,
+        before: metrics_before,
+        after: metrics_after,
         matched_by: match matching {
             Matching::Identity => "identity",
             Matching::Surface => "surface",

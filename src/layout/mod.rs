@@ -6,9 +6,12 @@ mod check;
 mod cluster;
 mod frames;
 mod instancing;
+mod isolate;
 mod keep;
 mod order;
 mod overlap;
+mod parts;
+mod per_geometry;
 mod per_object;
 mod pieces;
 mod single;
@@ -18,6 +21,8 @@ mod test_scenes;
 
 pub use cluster::{Cache, looseness};
 pub use order::order_by_tree;
+pub use parts::{isolates, opacities_differ};
+pub use per_geometry::per_geometry;
 pub use stored::stored;
 
 use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
@@ -153,6 +158,12 @@ pub struct Options {
     pub max_bytes_ratio: Option<f64>,
     /// What is done with instances of shared meshes; `keep` and `per-object` leave them as they are.
     pub instances: Instances,
+    /// `single`, `cluster`: objects that enclose the rest, or lie far outside it, get groups of their own.
+    pub isolate: bool,
+    /// `single`, `cluster`: triangles that are not opaque get groups of their own.
+    pub split_opacity: bool,
+    /// `cluster`: no group holds two geometries, for consumers that build one BLAS a primitive.
+    pub one_geometry_a_group: bool,
     /// `cluster`, [`Instances::Choose`]: what it costs to enter an instance, in steps from node to node.
     pub entry_cost: f64,
     /// `cluster`: whether groups may be stored in frames of their own.
@@ -180,6 +191,9 @@ impl Default for Options {
             min_triangles: 8,
             max_bytes_ratio: None,
             instances: Instances::BakeOrKeep,
+            isolate: false,
+            split_opacity: false,
+            one_geometry_a_group: false,
             entry_cost: crate::cost::two_level::INSTANCE_ENTRY,
             frames: true,
             min_turned_triangles: 16,

@@ -5,17 +5,24 @@
 
 use super::builder::{Builder, Geometries, objects};
 use super::instancing::bake_within_limits;
+use super::parts::{bake_part, parts};
 use super::{Layout, Options};
 use crate::scene::{InstanceId, Scene};
 
 /// One group of all instances that are not pinned, with one geometry for each material, ordered by material. A
 /// material whose primitives differ in their vertex attributes gets one geometry for each kind. A lone instance
-/// needs no baking: it stays, with its geometries joined in the same way.
+/// needs no baking: it stays, with its geometries joined in the same way. What is set apart and what is not opaque
+/// become further groups where the options ask for it.
 pub(super) fn single(scene: &Scene, options: &Options) -> Layout {
     bake_within_limits(scene, options, |bake| {
         let mut layout = Builder::new(scene);
         bake.place_left(&mut layout);
-        join_all(scene, &bake.baked().collect::<Vec<_>>(), &mut layout);
+        let baked: Vec<_> = bake.baked().collect();
+        let whole = Options { one_geometry_a_group: false, ..options.clone() };
+        match parts(scene, &baked, &whole).as_slice() {
+            [] | [_] => join_all(scene, &baked, &mut layout),
+            several => several.iter().for_each(|part| bake_part(scene, part, &mut layout)),
+        }
         layout.finish()
     })
 }

@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::cost::Metrics;
 use crate::scene::Scene;
 use crate::verify::Verification;
+use crate::verify::build::BlasPer;
 
 /// Identifies the JSON form of [`BakeReport`].
 pub const SCHEMA: &str = "raykiln.report/1";
@@ -25,6 +26,8 @@ pub struct BakeReport {
     pub input: Input,
     /// Where the output went.
     pub output: PathBuf,
+    /// What is taken to be one BLAS in `before`, `after` and all that is predicted.
+    pub blas_per: BlasPer,
     /// The input's layout.
     pub before: Metrics,
     /// The output's layout; as `before` where the output was refused.
@@ -167,6 +170,8 @@ pub struct VerifyReport {
     pub input: Input,
     /// The file verified.
     pub output: PathBuf,
+    /// What is taken to be one BLAS in `before` and `after`.
+    pub blas_per: BlasPer,
     /// The input's layout.
     pub before: Metrics,
     /// The output's layout.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::{BakeReport, Device, DevicesReport, Finding, Input, InspectReport, Severity, Verdict, VerifyReport};
 use crate::cost::Metrics;
 use crate::verify::Verification;
-use crate::verify::build::Pair;
+use crate::verify::build::{BlasPer, Pair};
 
 /// Warnings and notes that are shown without `-v`.
 const FEW: usize = 3;
@@ -36,15 +36,19 @@ pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
         text += &candidates(report);
         text += &passes(report);
     }
-    text += &before_and_after([&report.before, &report.after], &report.verify);
+    text += &before_and_after(report.blas_per, [&report.before, &report.after], &report.verify);
     text += &seconds(report);
     let _ = writeln!(text, "\nverdict: {}", verdict(report.verdict));
     text
 }
 
 /// The metrics of both layouts, and what tracing them showed.
-fn before_and_after(metrics: [&Metrics; 2], verification: &Verification) -> String {
-    let mut text = format!("\n{}\n", table(&["", "before", "after"], &comparison(metrics)));
+fn before_and_after(per: BlasPer, metrics: [&Metrics; 2], verification: &Verification) -> String {
+    let heading = match per {
+        BlasPer::Mesh => "",
+        BlasPer::Primitive => "built as one BLAS a primitive",
+    };
+    let mut text = format!("\n{}\n", table(&[heading, "before", "after"], &comparison(metrics)));
     text += &structures(verification);
     text += &rays(verification);
     text += &errors(verification);
@@ -60,7 +64,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     if report.verify.structure.is_none() {
         text += "only surfaces are compared: triangles are not matched\n";
     }
-    text += &before_and_after([&report.before, &report.after], &report.verify);
+    text += &before_and_after(report.blas_per, [&report.before, &report.after], &report.verify);
     let shown = match report.verdict {
         Verdict::Failed => "failed: the files do not show the same",
         Verdict::Faster => "the same surfaces, traced faster",

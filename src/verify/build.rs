@@ -34,7 +34,8 @@ pub enum Prefer {
 }
 
 /// What goes into one BLAS.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum BlasPer {
     /// All geometries of a mesh.
     #[default]

@@ -3,6 +3,7 @@
 mod common;
 mod copies;
 
+mod auto;
 mod bad_input;
 mod cli;
 mod determinism;

@@ -7,8 +7,9 @@ use super::soup::{Soup, Turned};
 use super::units::{self, Unit};
 use super::{Limits, WORTH_TURNING};
 use crate::cost::tree::{Quality, Tree};
+use crate::layout::builder::Object;
 use crate::layout::frames::{self, Search};
-use crate::scene::{Bounds, InstanceId, Scene};
+use crate::scene::{Bounds, Scene};
 
 /// Triangles, their tree in the frame that fits all of them best, and the frames that parts of it would rather have.
 pub(super) struct Ground {
@@ -28,10 +29,10 @@ struct Parts {
 }
 
 impl Ground {
-    /// Of the triangles of some instances; `None` where one of them has a box that no tree can hold. `frames` is whether
+    /// Of the triangles of some objects; `None` where one of them has a box that no tree can hold. `frames` is whether
     /// frames are looked for, `parts` whether parts get frames of their own.
-    pub(super) fn new(scene: &Scene, instances: &[InstanceId], frames: bool, parts: bool) -> Option<Ground> {
-        let soup = Soup::new(scene, instances.iter().copied());
+    pub(super) fn new(scene: &Scene, objects: &[Object], frames: bool, parts: bool) -> Option<Ground> {
+        let soup = Soup::new(scene, objects);
         let boxes = soup.boxes_in(&Turned::NOT);
         let tree = Tree::build_usable(&boxes, Quality::Medium);
         if tree.order.len() < soup.len() || tree.nodes.is_empty() {

@@ -20,6 +20,7 @@ use glam::{DAffine3, DVec3};
 
 use super::builder::{Builder, Geometries, Object, objects};
 use super::instancing::bake_within_limits;
+use super::parts::{bake_part, parts};
 use super::{Layout, Options, single};
 use crate::cost::sah::TRAVERSAL;
 use crate::scene::{Bounds, InstanceId, Scene};
@@ -69,17 +70,17 @@ impl Limits {
 pub struct Cache(Option<(Key, Option<Rc<Ground>>)>);
 
 /// What a [`Ground`] depends on.
-type Key = (Vec<InstanceId>, bool, bool);
+type Key = (Vec<Object>, bool, bool);
 
 impl Cache {
-    fn ground(&mut self, scene: &Scene, instances: &[InstanceId], options: &Options) -> Option<Rc<Ground>> {
+    fn ground(&mut self, scene: &Scene, objects: &[Object], options: &Options) -> Option<Rc<Ground>> {
         let parts = options.entry_cost < PROHIBITIVE;
-        let serves = |key: &Key| key.0 == instances && key.1 == options.frames && (key.2 || !parts);
+        let serves = |key: &Key| key.0 == objects && key.1 == options.frames && (key.2 || !parts);
         if !self.0.as_ref().is_some_and(|(key, _)| serves(key)) {
             // The old one goes first: both at once could be too much.
             self.0 = None;
-            let ground = Ground::new(scene, instances, options.frames, parts).map(Rc::new);
-            self.0 = Some(((instances.to_vec(), options.frames, parts), ground));
+            let ground = Ground::new(scene, objects, options.frames, parts).map(Rc::new);
+            self.0 = Some(((objects.to_vec(), options.frames, parts), ground));
         }
         self.0.as_ref().and_then(|(_, ground)| ground.clone())
     }
@@ -111,20 +112,23 @@ pub(super) fn cluster(scene: &Scene, options: &Options, cache: &mut Cache) -> La
         let mut layout = Builder::new(scene);
         bake.place_left(&mut layout);
         let baked: Vec<InstanceId> = bake.baked().collect();
-        let ground = cache.borrow_mut().ground(scene, &baked, options);
-        let groups = ground.as_ref().map_or(Vec::new(), |g| g.cut(&Limits::of(options, g.extent())));
-        match (ground, groups.as_slice()) {
-            (None, _) | (_, []) => single::join_all(scene, &baked, &mut layout),
-            (_, [one]) if one.frame == Turned::NOT => single::join_all(scene, &baked, &mut layout),
-            (Some(ground), groups) => push(scene, &baked, &ground.soup, groups, &mut layout),
+        let parts = parts(scene, &baked, options);
+        for part in &parts {
+            let ground = cache.borrow_mut().ground(scene, &part.objects, options);
+            let groups = ground.as_ref().map_or(Vec::new(), |g| g.cut(&Limits::of(options, g.extent())));
+            let whole = groups.is_empty() || (groups.len() == 1 && groups[0].frame == Turned::NOT);
+            match (ground, whole, parts.len()) {
+                (Some(ground), false, _) => push(scene, &part.objects, &ground.soup, &groups, &mut layout),
+                (_, _, 1) => single::join_all(scene, &baked, &mut layout),
+                _ => bake_part(scene, part, &mut layout),
+            }
         }
         layout.finish()
     })
 }
 
 /// Adds groups to a layout.
-fn push(scene: &Scene, baked: &[InstanceId], soup: &Soup, groups: &[Group], layout: &mut Builder) {
-    let objects = objects(scene, baked.iter().copied());
+fn push(scene: &Scene, objects: &[Object], soup: &Soup, groups: &[Group], layout: &mut Builder) {
     let object_of = |t: u32| soup.objects.partition_point(|&first| first <= t) - 1;
     let mut numbers = vec![0u32; objects.len()];
     for group in groups {
@@ -135,7 +139,7 @@ fn push(scene: &Scene, baked: &[InstanceId], soup: &Soup, groups: &[Group], layo
             *sizes.entry(object).or_default() += run.len();
             geometries.add(objects[object].geometry(scene), run.iter().map(|&t| soup.refs[t as usize]));
         }
-        let name = name(scene, &objects, soup, &sizes, &mut numbers);
+        let name = name(scene, objects, soup, &sizes, &mut numbers);
         layout.bake_in(frame(scene, soup, group), name, geometries);
     }
 }

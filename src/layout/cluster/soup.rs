@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::layout::builder::objects;
-use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
+use crate::layout::builder::Object;
+use crate::scene::{Bounds, Scene, TriangleRef};
 
 /// Placed triangles. Corners are seen from the middle of the scene, in half diagonals of the scene, where single
 /// precision is enough to choose a group: what is stored is computed from the input, in double precision.
@@ -17,13 +17,13 @@ pub(super) struct Soup {
 }
 
 impl Soup {
-    /// The triangles of some instances, in the order of the scene.
-    pub(super) fn new(scene: &Scene, instances: impl IntoIterator<Item = InstanceId>) -> Soup {
+    /// The triangles of some objects, in their order.
+    pub(super) fn new(scene: &Scene, objects: &[Object]) -> Soup {
         let bounds = scene.bounds();
         let (middle, unit) = (bounds.center(), 2.0 / bounds.diagonal());
         let unit = if unit.is_finite() { unit } else { 1.0 };
         let mut soup = Soup { refs: Vec::new(), corners: Vec::new(), objects: vec![0] };
-        for object in objects(scene, instances) {
+        for object in objects {
             soup.refs.extend(object.triangles(scene));
             soup.objects.push(soup.refs.len() as u32);
         }
