@@ -88,8 +88,8 @@ pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
     let plan = |&(_, name, method, tell): &Entry| {
         let mut told = options.clone();
         tell(&mut told);
-        let extents = told.max_group_extent_ratio.into_iter().chain(options.max_group_extent_ratio);
-        told.max_group_extent_ratio = extents.reduce(f64::min);
+        let extents = [told.max_group_extent_ratio, options.max_group_extent_ratio];
+        told.max_group_extent_ratio = extents.into_iter().flatten().reduce(f64::min);
         Plan { name: name.to_owned(), method, options: told }
     };
     PLANS.iter().filter(|entry| entry.0 <= effort.0).filter(heeds).map(plan).collect()

@@ -56,7 +56,7 @@ fn a_turned_room_is_stored_in_its_own_frame() {
     let nodes = document["nodes"].as_array().expect("nodes");
     let placed: Vec<&Value> = nodes.iter().filter(|n| n["mesh"].is_u64()).collect();
     let is_turned = |n: &&Value| n["rotation"].is_array() || n["matrix"].is_array();
-    assert!(!placed.is_empty() && placed.iter().any(|n| is_turned(n)), "{placed:?}");
+    assert!(!placed.is_empty() && placed.iter().any(is_turned), "{placed:?}");
     let cost = |side: &str| report[side]["two_level_cost"].as_f64().unwrap();
     assert!(cost("after") < 0.9 * cost("before"), "{} after {}", cost("after"), cost("before"));
     assert_eq!(report["verify"]["mismatches"], 0);
