@@ -10,12 +10,12 @@
 //!   are not set apart, by surface area, while it holds few triangles: all shells together at most [`FEW`] of the scene's.
 //!   Sky domes, the walls of a room and large thin objects that overlap everything are such.
 //!
-//! Sorting objects takes n log n; boxes take time linear in the triangles.
+//! Sorting objects takes n log n; boxes take time linear in the triangles stored and the objects.
 
 use rayon::prelude::*;
 
 use super::builder::Object;
-use crate::scene::{Bounds, Scene};
+use crate::scene::{Bounds, Geometry, Mesh, Scene};
 
 /// Share of the triangles that make up the core of a scene.
 const CORE: f64 = 0.999;
@@ -57,16 +57,33 @@ struct Extent {
 
 /// What to set apart of some objects. Objects without a finite box stay with the others.
 pub(super) fn apart(scene: &Scene, objects: &[Object]) -> Apart {
-    let extent = |object: &Object| Extent {
-        bounds: Bounds::of(object.triangles(scene).flat_map(|t| scene.world_corners(t))),
-        triangles: object.geometry(scene).triangles.len(),
-    };
-    let extents: Vec<Extent> = objects.par_iter().map(extent).collect();
+    let extents = extents(scene, objects);
     let usable = |&i: &usize| !extents[i].bounds.is_empty() && extents[i].bounds.area().is_finite();
     let mut rest: Vec<usize> = (0..objects.len()).filter(usable).collect();
     let outliers = outliers(&extents, &rest);
     rest.retain(|i| outliers.binary_search(i).is_err());
     Apart { shells: shells(&extents, rest), outliers }
+}
+
+/// Of objects whose mesh is placed once the box of their triangles, of others the box around their transformed box, so that
+/// the work does not grow with the triangles placed.
+fn extents(scene: &Scene, objects: &[Object]) -> Vec<Extent> {
+    let mut uses = vec![0u32; scene.meshes.len()];
+    scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += 1);
+    let boxes_of = |(mesh, &uses): (&Mesh, &u32)| match uses {
+        0 | 1 => Vec::new(),
+        _ => mesh.geometries.iter().map(Geometry::bounds).collect::<Vec<Bounds>>(),
+    };
+    let shared: Vec<Vec<Bounds>> = scene.meshes.par_iter().zip(&uses).map(boxes_of).collect();
+    let bounds = |object: &Object| {
+        let instance = &scene.instances[object.instance as usize];
+        match shared[instance.mesh.0 as usize].get(object.geometry as usize) {
+            Some(bounds) => bounds.transformed(&instance.transform),
+            None => Bounds::of(object.triangles(scene).flat_map(|t| scene.world_corners(t))),
+        }
+    };
+    let extent = |o: &Object| Extent { bounds: bounds(o), triangles: o.geometry(scene).triangles.len() };
+    objects.par_iter().map(extent).collect()
 }
 
 /// The outliers among some objects.
@@ -197,6 +214,15 @@ mod tests {
         builder.object("sky", 0, open_box(Vec3::new(50.0, 0.0, 0.0), 300.0));
         builder.object("moon", 0, row(Vec3::new(1e5, 0.0, 0.0), 1));
         assert_eq!(apart_of(builder), Apart { shells: vec![10], outliers: vec![11] });
+    }
+
+    #[test]
+    fn instances_of_a_mesh_are_set_apart_like_others() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("tree", vec![(0, row(Vec3::ZERO, 2))]);
+        (0..2000).for_each(|i| drop(builder.place(mesh, "tree", at(0.0, f64::from(i), 0.0)).name.clone()));
+        builder.place(mesh, "far tree", at(1e6, 0.0, 0.0));
+        assert_eq!(apart_of(builder), Apart { shells: vec![], outliers: vec![2000] });
     }
 
     #[test]

@@ -158,9 +158,7 @@ impl Mesh {
 
     /// Box around its triangles in mesh coordinates.
     pub fn bounds(&self) -> Bounds {
-        let corners =
-            self.geometries.iter().flat_map(|g| g.triangles.iter().flatten().map(|&v| g.positions[v as usize]));
-        Bounds::of(corners.map(|p| p.as_dvec3()))
+        self.geometries.iter().fold(Bounds::EMPTY, |all, g| all.union(&g.bounds()))
     }
 
     /// The geometry that holds triangle `triangle` of the mesh, and the triangle's index in it.
@@ -177,6 +175,11 @@ impl Mesh {
 }
 
 impl Geometry {
+    /// Box around its triangles in mesh coordinates.
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of(self.triangles.iter().flatten().map(|&v| self.positions[v as usize].as_dvec3()))
+    }
+
     /// Corners of a triangle in mesh coordinates, as stored.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
