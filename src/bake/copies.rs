@@ -6,7 +6,7 @@ use std::time::Instant;
 use raykiln_formats::Document;
 use serde_json::Value;
 
-use super::{BakeOptions, measure_as_is};
+use super::{BakeOptions, measure_as_built};
 use crate::choose::Choice;
 use crate::copies::{self, Copies, Likeness};
 use crate::cost::Metrics;
@@ -57,7 +57,7 @@ pub(super) fn share(
     let found = copies::find(doc, scene, &limits);
     let (metrics, applied, reason) = match found.list.as_slice() {
         [] => (before.clone(), false, "no two meshes are alike".to_owned()),
-        _ => apply(doc, scene, before, &found, options.copies == FindCopies::ByMethod),
+        _ => apply(doc, scene, before, &found, options),
     };
     (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
 }
@@ -67,15 +67,16 @@ fn apply(
     scene: &mut Scene,
     before: &Metrics,
     found: &Copies,
-    must_pay: bool,
+    options: &BakeOptions,
 ) -> (Metrics, bool, String) {
     let [copies, models] = [found.list.len(), found.models()];
     let words = match copies {
         1 => "1 mesh is a copy of another".to_owned(),
         _ => format!("{copies} meshes are copies of {models}"),
     };
+    let blas_per = options.verify.build.blas_per;
     copies::apply(scene, found);
-    let metrics = measure_as_is(scene);
+    let metrics = measure_as_built(scene, blas_per);
     if metrics.two_level_cost > MOST_COST_RATIO * before.two_level_cost {
         copies::undo(scene);
         let (with, without) = (metrics.two_level_cost, before.two_level_cost);
@@ -83,7 +84,7 @@ fn apply(
         return (before.clone(), false, reason);
     }
     let as_bytes = [before, &metrics].map(Metrics::as_bytes);
-    if must_pay && as_bytes[1] as f64 > (1.0 - LEAST_SAVED_RATIO) * as_bytes[0] as f64 {
+    if options.copies == FindCopies::ByMethod && as_bytes[1] as f64 > (1.0 - LEAST_SAVED_RATIO) * as_bytes[0] as f64 {
         copies::undo(scene);
         let saved = bytes(as_bytes[0].saturating_sub(as_bytes[1]));
         return (before.clone(), false, format!("{words}, but sharing them saves only {saved}"));

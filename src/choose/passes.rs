@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::plans::Plan;
 use crate::cost::Metrics;
 use crate::emit;
-use crate::layout::{self, Layout, Method};
+use crate::layout::{self, Instances, Layout, Method};
 use crate::report::Pass;
 use crate::scene::{Opacity, Scene};
 
@@ -27,17 +27,34 @@ pub(super) fn worth_a_try(scene: &Scene, before: &Metrics, plans: Vec<Plan>) -> 
         },
         start,
     );
+    let instances = choose_instances(scene, overlap);
     let (frames, isolate, opacity) = (frames(scene), isolate(scene), split_opacity(scene));
     let mut tried: Vec<Plan> = Vec::new();
     for mut plan in plans.into_iter().filter(|plan| plan.method != Method::Overlap || separate.applied) {
         plan.options.frames &= frames.applied;
         plan.options.isolate &= isolate.applied;
         plan.options.split_opacity &= opacity.applied;
+        if !instances.applied {
+            plan.options.instances = Instances::BakeOrKeep;
+        }
         if !tried.iter().any(|other| other.method == plan.method && other.options == plan.options) {
             tried.push(plan);
         }
     }
-    (tried, vec![separate, frames, isolate, opacity])
+    (tried, vec![separate, instances, frames, isolate, opacity])
+}
+
+fn choose_instances(scene: &Scene, overlap: bool) -> Pass {
+    let start = Instant::now();
+    let mut free = vec![0u32; scene.meshes.len()];
+    scene.instances.iter().filter(|i| i.pinned.is_none()).for_each(|i| free[i.mesh.0 as usize] += 1);
+    let shared = free.iter().any(|&count| count > 1);
+    let reason = match (shared, overlap) {
+        (false, _) => "no mesh is placed twice by instances that may be restructured",
+        (_, false) => "no two instance boxes overlap",
+        _ => "instances of shared meshes overlap others",
+    };
+    pass("open or bake instances", shared && overlap, reason, start)
 }
 
 fn frames(scene: &Scene) -> Pass {

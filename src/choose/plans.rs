@@ -1,6 +1,6 @@
 //! The layouts that `auto` looks at.
 
-use crate::layout::{Method, Options};
+use crate::layout::{Instances, Method, Options};
 
 /// How much time to spend, from 0 to 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -28,7 +28,7 @@ impl Effort {
 
     /// Layouts measured on a device, besides the input and the single BLAS.
     pub(super) fn measured(self) -> usize {
-        [1, 1, 3, 5, 8, 12, usize::MAX][usize::from(self.0)]
+        [1, 1, 4, 9, 12, 16, usize::MAX][usize::from(self.0)]
     }
 
     /// Rays of each kind by which layouts are ranked.
@@ -48,12 +48,12 @@ pub(crate) struct Plan {
 /// A plan that is looked at from some effort on.
 type Entry = (u8, &'static str, Method, fn(&mut Options));
 
-/// An entry that no group of its own is worth, so that all triangles stay in one group, in the frame that fits best.
+/// An entry that no group is worth, so that all triangles stay in one, in the frame that fits best.
 const PROHIBITIVE: f64 = 1e9;
 
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.
-const PLANS: [Entry; 19] = [
+const PLANS: [Entry; 21] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
     (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
@@ -66,6 +66,10 @@ const PLANS: [Entry; 19] = [
         (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.25))
     }),
     (3, "overlap", Method::Overlap, |_| {}),
+    (3, "single, instances chosen", Method::Single, |o| o.instances = Instances::Choose),
+    (3, "cluster, entry 15, instances chosen", Method::Cluster, |o| {
+        (o.entry_cost, o.instances) = (15.0, Instances::Choose)
+    }),
     (4, "per-object", Method::PerObject, |_| {}),
     (4, "bvh", Method::Bvh, |_| {}),
     (4, "cluster, entry 25", Method::Cluster, |o| o.entry_cost = 25.0),

@@ -122,7 +122,6 @@ mod tests {
     use super::super::test_scenes::*;
     use super::super::{Method, Options, run};
     use super::*;
-    use glam::DVec3;
     use proptest::prelude::*;
 
     /// The largest distance between a corner and where the stored scene has it, over all triangles that are placed.

@@ -5,7 +5,7 @@ use super::programme::{self, Group, Known};
 use super::refit::Refit;
 use super::soup::{Soup, Turned};
 use super::units::{self, Unit};
-use super::{Limits, WORTH_TURNING};
+use super::{Limits, PROHIBITIVE, WORTH_TURNING};
 use crate::cost::tree::{Quality, Tree};
 use crate::layout::builder::Object;
 use crate::layout::frames::{self, Search};
@@ -64,6 +64,10 @@ impl Ground {
         let none = vec![None; self.facts.len()];
         let own = self.parts.as_ref().map_or(&none, |parts| &parts.own);
         let known = Known { tree: &self.tree, facts: &self.facts, own, base: self.base };
+        let triangles = self.facts.first().map_or(0, |root| root.triangles);
+        if limits.entry_cost >= PROHIBITIVE && limits.allow(triangles, self.extent()) {
+            return vec![Group { items: self.tree.order.clone(), frame: self.base }];
+        }
         let (groups, cost) = programme::cut(&known, limits);
         let peeled = limits.max_extent.is_infinite().then(|| programme::peel(&known, limits)).flatten();
         let others = [self.cut_without_units(limits), peeled];

@@ -34,8 +34,8 @@ const WORTH_TURNING: f64 = 0.97;
 /// Nodes of the TLAS that a group adds, each as large as its box.
 const TLAS_NODES: f64 = 2.0;
 
-/// From this entry cost on no part gets a frame of its own.
-const PROHIBITIVE: f64 = 1e6;
+/// From this entry cost on all triangles stay in one group, where bounds allow it.
+pub(super) const PROHIBITIVE: f64 = 1e6;
 
 /// What groups are allowed to be; lengths in half diagonals of the scene.
 struct Limits {
