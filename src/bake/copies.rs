@@ -43,6 +43,9 @@ const MOST_COST_RATIO: f64 = 1.01;
 /// Share of the input's predicted bytes of acceleration structures that `auto` must save to share at all.
 const LEAST_SAVED_RATIO: f64 = 0.05;
 
+/// Bytes that `auto` must save besides: what devices allocate at least at a time (see rule RK009 of `inspect`).
+const LEAST_SAVED_BYTES: u64 = 64 << 10;
+
 /// Lets meshes stand in for their copies, unless their looser boxes cost too much or hardly any memory is saved. Returns the metrics of the scene
 /// with them, and what was done; nothing where the options leave the pass out.
 pub(super) fn share(
@@ -84,10 +87,11 @@ fn apply(
         return (before.clone(), false, reason);
     }
     let as_bytes = [before, &metrics].map(Metrics::as_bytes);
-    if options.copies == FindCopies::ByMethod && as_bytes[1] as f64 > (1.0 - LEAST_SAVED_RATIO) * as_bytes[0] as f64 {
+    let saved = as_bytes[0].saturating_sub(as_bytes[1]);
+    let is_worth_it = saved >= LEAST_SAVED_BYTES && saved as f64 >= LEAST_SAVED_RATIO * as_bytes[0] as f64;
+    if options.copies == FindCopies::ByMethod && !is_worth_it {
         copies::undo(scene);
-        let saved = bytes(as_bytes[0].saturating_sub(as_bytes[1]));
-        return (before.clone(), false, format!("{words}, but sharing them saves only {saved}"));
+        return (before.clone(), false, format!("{words}, but sharing them saves only {}", bytes(saved)));
     }
     (metrics, true, format!("{words}; {} saved", bytes(stored_bytes(doc, scene, found))))
 }

@@ -67,10 +67,9 @@ impl<'a> Vertices<'a> {
         let mut vertices = Vertices { scene, frame, list: Vec::new(), triangles: Vec::with_capacity(refs.len()) };
         let mut numbers: FxHashMap<(u32, u32, u32), u32> = FxHashMap::default();
         for &at in refs {
-            let mesh = scene.mesh_of(InstanceId(at.instance));
-            let (geometry, triangle) = mesh.locate(at.triangle);
+            let (mesh, triangle, mirrored) = vertices.source(at);
+            let (geometry, triangle) = mesh.locate(triangle);
             let [a, b, c] = mesh.geometries[geometry].triangles[triangle];
-            let mirrored = frame.is_some() && scene.instances[at.instance as usize].mirrored();
             let list = &mut vertices.list;
             let corners = if mirrored { [a, c, b] } else { [a, b, c] }.map(|vertex| {
                 let key = (at.instance, geometry as u32, vertex);
@@ -89,23 +88,43 @@ impl<'a> Vertices<'a> {
         Geometry { positions, alpha: self.alpha(), triangles: self.triangles, ..Geometry::default() }
     }
 
-    fn source(&self, (instance, geometry, _): (u32, u32, u32)) -> &'a Geometry {
-        &self.scene.mesh_of(InstanceId(instance)).geometries[geometry as usize]
+    /// The mesh that a triangle is taken from, the triangle there, and whether it is turned over: what is baked comes from
+    /// the mesh that the document places, as it does where it is written.
+    fn source(&self, at: TriangleRef) -> (&'a Mesh, u32, bool) {
+        match self.frame {
+            None => (self.scene.mesh_of(InstanceId(at.instance)), at.triangle, false),
+            Some(_) => {
+                let origin = self.scene.origin(at);
+                let mirrored = origin.transform.matrix3.determinant() < 0.0;
+                (&self.scene.meshes[origin.mesh.0 as usize], origin.triangle, mirrored)
+            }
+        }
+    }
+
+    /// The geometry that a vertex is taken from, and world from its mesh.
+    fn geometry_of(&self, (instance, geometry, _): (u32, u32, u32)) -> (&'a Geometry, DAffine3) {
+        let placing = &self.scene.instances[instance as usize];
+        let (mesh, transform) = match placing.stand_in.as_ref().filter(|_| self.frame.is_some()) {
+            Some(stand_in) => (stand_in.copy, stand_in.transform),
+            None => (placing.mesh, placing.transform),
+        };
+        (&self.scene.meshes[mesh.0 as usize].geometries[geometry as usize], transform)
     }
 
     /// In the frame, computed in double precision and rounded once.
     fn position(&self, vertex: (u32, u32, u32)) -> Vec3 {
-        let stored = self.source(vertex).positions[vertex.2 as usize];
+        let (geometry, transform) = self.geometry_of(vertex);
+        let stored = geometry.positions[vertex.2 as usize];
         let Some(frame) = self.frame else { return stored };
-        let world = self.scene.instances[vertex.0 as usize].transform.transform_point3(stored.as_dvec3());
+        let world = transform.transform_point3(stored.as_dvec3());
         if frame == DAffine3::IDENTITY { world.as_vec3() } else { frame.transform_point3(world).as_vec3() }
     }
 
     /// What the triangles of an alpha-tested geometry test, which is the same texture for one material.
     fn alpha(&self) -> Option<AlphaTest> {
-        let first = self.source(*self.list.first()?).alpha.as_ref()?;
+        let first = self.geometry_of(*self.list.first()?).0.alpha.as_ref()?;
         let placed = |&vertex: &(u32, u32, u32)| {
-            let texture = self.source(vertex).alpha.as_ref().and_then(|alpha| alpha.texture.as_ref());
+            let texture = self.geometry_of(vertex).0.alpha.as_ref().and_then(|alpha| alpha.texture.as_ref());
             texture.and_then(|t| t.texcoords.get(vertex.2 as usize)).copied().unwrap_or_default()
         };
         let texture = first.texture.as_ref().map(|texture| {

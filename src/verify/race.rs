@@ -45,7 +45,9 @@ pub(super) fn race<T: Tracer>(
         }
         Ok(Lap { kinds, built: tracer.built() })
     };
-    Ok((0..contenders).map(lap).collect())
+    let mut laps: Vec<Result<Lap, T::Error>> = (0..contenders).map(lap).collect();
+    level(&mut laps);
+    Ok(laps)
 }
 
 /// As [`Machine::race`] on the CPU, whose speeds tell nothing of a device.
@@ -64,6 +66,21 @@ pub fn race_on_cpu(
         laps.into_iter().map(|lap| lap.unwrap_or_else(|never| match never {}))
     };
     (0..contenders).flat_map(lap).collect()
+}
+
+/// Gives all laps the same speeds of the input, the medians of all laps, and contenders theirs in relation to those: a
+/// device that is still clocking up times the first laps alike, and too slow.
+fn level<E>(laps: &mut [Result<Lap, E>]) {
+    for kind in RayKind::ALL {
+        let timed = laps.iter_mut().flatten().map(|lap| lap.kinds.of(kind)).filter(|k| k.before_mrays_per_s > 0.0);
+        let mut timed: Vec<_> = timed.collect();
+        let mut speeds: Vec<f64> = timed.iter().map(|k| k.before_mrays_per_s).collect();
+        speeds.sort_by(f64::total_cmp);
+        let Some(&before) = speeds.get(speeds.len() / 2) else { continue };
+        for k in &mut timed {
+            (k.before_mrays_per_s, k.after_mrays_per_s) = (before, before * k.speedup_ratio);
+        }
+    }
 }
 
 impl Machine {
@@ -106,8 +123,23 @@ impl Machine {
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+
     use super::super::test_scenes;
     use super::*;
+
+    #[test]
+    fn a_slow_start_does_not_make_the_first_lap_slow() {
+        let lap = |before: f64, speedup_ratio: f64| {
+            let kind = KindSpeed { before_mrays_per_s: before, speedup_ratio, ..KindSpeed::default() };
+            Ok::<_, Infallible>(Lap { kinds: Kinds { primary: kind, ..Kinds::default() }, built: None })
+        };
+        let mut laps = vec![lap(1.0, 3.0), lap(4.0, 1.0), lap(4.0, 2.0)];
+        level(&mut laps);
+        let after = laps.iter().flatten().map(|lap| lap.kinds.primary.after_mrays_per_s);
+        assert_eq!(after.collect::<Vec<_>>(), [12.0, 4.0, 8.0]);
+        assert_eq!(laps[0].as_ref().map(|lap| lap.kinds.shadow.after_mrays_per_s), Ok(0.0));
+    }
 
     #[test]
     fn every_contender_is_timed_with_every_kind_of_rays() {
