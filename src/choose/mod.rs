@@ -15,6 +15,8 @@ pub(crate) use candidate::as_built;
 
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use crate::cost::Metrics;
 use crate::layout::{self, Cache, Layout, Method};
 use crate::report::{MethodReport, Pass};
@@ -168,19 +170,35 @@ fn evaluate(
     let rays = rays::generate(scene, &Reference::new(&trees), options.effort.rays(), verify.seed);
     let blas_per = verify.build.blas_per;
     let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
-    let mut candidates: Vec<Candidate> = Vec::new();
+    let mut laid: Vec<(&Plan, Laid, f64)> = Vec::new();
     let mut cache = Cache::default();
     for plan in plans {
         let start = Instant::now();
-        let laid = lay_out(&mut cache, scene, plan, verify.max_position_error_ratio);
-        if candidates.iter().any(|c| c.laid.is_same(&laid)) {
-            continue;
+        let this = lay_out(&mut cache, scene, plan, verify.max_position_error_ratio);
+        if !laid.iter().any(|(_, other, _)| other.is_same(&this)) {
+            laid.push((plan, this, start.elapsed().as_secs_f64()));
         }
-        let candidate = Candidate::new(scene, before, plan.clone(), laid, &ranking, &trees);
-        candidates.push(Candidate { seconds: start.elapsed().as_secs_f64(), ..candidate });
     }
-    candidates
+    drop(cache);
+    let scene = &*scene;
+    let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
+        let start = Instant::now();
+        let candidate = Candidate::new(scene, before, plan.clone(), laid, &ranking, &trees);
+        Candidate { seconds: seconds + start.elapsed().as_secs_f64(), ..candidate }
+    };
+    let mut candidates = Vec::with_capacity(laid.len());
+    let mut laid = laid.into_iter();
+    loop {
+        let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE).collect();
+        if some.is_empty() {
+            return candidates;
+        }
+        candidates.par_extend(some.into_par_iter().map(rank));
+    }
 }
+
+/// Candidates ranked side by side: the tree of one large group is built in one thread, and takes memory.
+const RANKED_AT_ONCE: usize = 2;
 
 /// Times the most promising candidates on the device, if there is one; gives their number, or why there are none.
 fn race(

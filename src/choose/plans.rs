@@ -58,8 +58,8 @@ const PLANS: [Entry; 21] = [
     (0, "single", Method::Single, |_| {}),
     (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
     (2, "cluster, entry 15", Method::Cluster, |o| o.entry_cost = 15.0),
-    (2, "single, isolated", Method::Single, |o| o.isolate = true),
-    (2, "single, opacity split", Method::Single, |o| o.split_opacity = true),
+    (3, "single, isolated", Method::Single, |o| o.isolate = true),
+    (3, "single, opacity split", Method::Single, |o| o.split_opacity = true),
     (3, "cluster, entry 40", Method::Cluster, |o| o.entry_cost = 40.0),
     (3, "cluster, entry 5", Method::Cluster, |o| o.entry_cost = 5.0),
     (3, "cluster, entry 15, extent 0.25", Method::Cluster, |o| {

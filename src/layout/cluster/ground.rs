@@ -1,5 +1,7 @@
 //! What all cuts of the same triangles have in common.
 
+use std::cell::OnceCell;
+
 use super::facts::{self, Facts, Own};
 use super::programme::{self, Group, Known};
 use super::refit::Refit;
@@ -18,8 +20,10 @@ pub(super) struct Ground {
     boxes: Vec<Bounds>,
     tree: Tree,
     facts: Vec<Facts>,
-    /// `None` where parts get no frames of their own.
-    parts: Option<Parts>,
+    /// Whether parts may get frames of their own.
+    turns: bool,
+    /// Found when it is needed first.
+    parts: OnceCell<Parts>,
 }
 
 /// What may leave.
@@ -30,8 +34,8 @@ struct Parts {
 
 impl Ground {
     /// Of the triangles of some objects; `None` where one of them has a box that no tree can hold. `frames` is whether
-    /// frames are looked for, `parts` whether parts get frames of their own.
-    pub(super) fn new(scene: &Scene, objects: &[Object], frames: bool, parts: bool) -> Option<Ground> {
+    /// frames are looked for.
+    pub(super) fn new(scene: &Scene, objects: &[Object], frames: bool) -> Option<Ground> {
         let soup = Soup::new(scene, objects);
         let boxes = soup.boxes_in(&Turned::NOT);
         let tree = Tree::build_usable(&boxes, Quality::Medium);
@@ -47,11 +51,7 @@ impl Ground {
             }
         };
         let facts = facts::facts(&soup, &tree, &base);
-        let parts = (frames && parts).then(|| Parts {
-            own: facts::own_frames(&soup, &tree, &facts, &base),
-            units: units::units(&soup, &tree, &facts, &base),
-        });
-        Some(Ground { soup, base, boxes, tree, facts, parts })
+        Some(Ground { soup, base, boxes, tree, facts, turns: frames, parts: OnceCell::new() })
     }
 
     /// The box around all triangles.
@@ -59,15 +59,24 @@ impl Ground {
         self.facts.first().map_or(0.0, |root| root.extent)
     }
 
+    /// What may leave; `None` where nothing may.
+    fn parts(&self) -> Option<&Parts> {
+        let find = || Parts {
+            own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base),
+            units: units::units(&self.soup, &self.tree, &self.facts, &self.base),
+        };
+        self.turns.then(|| self.parts.get_or_init(find))
+    }
+
     /// The groups of least cost: of the tree as it is, or of what the units leave of it.
     pub(super) fn cut(&self, limits: &Limits) -> Vec<Group> {
-        let none = vec![None; self.facts.len()];
-        let own = self.parts.as_ref().map_or(&none, |parts| &parts.own);
-        let known = Known { tree: &self.tree, facts: &self.facts, own, base: self.base };
         let triangles = self.facts.first().map_or(0, |root| root.triangles);
         if limits.entry_cost >= PROHIBITIVE && limits.allow(triangles, self.extent()) {
             return vec![Group { items: self.tree.order.clone(), frame: self.base }];
         }
+        let none = if self.turns { Vec::new() } else { vec![None; self.facts.len()] };
+        let own = self.parts().map_or(&none, |parts| &parts.own);
+        let known = Known { tree: &self.tree, facts: &self.facts, own, base: self.base };
         let (groups, cost) = programme::cut(&known, limits);
         let peeled = limits.max_extent.is_infinite().then(|| programme::peel(&known, limits)).flatten();
         let others = [self.cut_without_units(limits), peeled];
@@ -79,7 +88,7 @@ impl Ground {
         let price = |unit: &Unit| limits.leaving_cost() * unit.own.loose + unit.own.inside;
         let is_large = |unit: &Unit| unit.items.len() >= limits.min_turned as usize;
         let is_allowed = |unit: &Unit| is_large(unit) && limits.allow(unit.items.len() as u32, unit.extent);
-        let units = &self.parts.as_ref()?.units;
+        let units = &self.parts()?.units;
         let leaving: Vec<&Unit> = units.iter().filter(|u| is_allowed(u) && price(u) < u.share).collect();
         let mut stays = vec![true; self.soup.len()];
         leaving.iter().flat_map(|unit| &unit.items).for_each(|&t| stays[t as usize] = false);

@@ -70,17 +70,16 @@ impl Limits {
 pub struct Cache(Option<(Key, Option<Rc<Ground>>)>);
 
 /// What a [`Ground`] depends on.
-type Key = (Vec<Object>, bool, bool);
+type Key = (Vec<Object>, bool);
 
 impl Cache {
     fn ground(&mut self, scene: &Scene, objects: &[Object], options: &Options) -> Option<Rc<Ground>> {
-        let parts = options.entry_cost < PROHIBITIVE;
-        let serves = |key: &Key| key.0 == objects && key.1 == options.frames && (key.2 || !parts);
+        let serves = |key: &Key| key.0 == objects && key.1 == options.frames;
         if !self.0.as_ref().is_some_and(|(key, _)| serves(key)) {
             // The old one goes first: both at once could be too much.
             self.0 = None;
-            let ground = Ground::new(scene, objects, options.frames, parts).map(Rc::new);
-            self.0 = Some(((objects.to_vec(), options.frames, parts), ground));
+            let ground = Ground::new(scene, objects, options.frames).map(Rc::new);
+            self.0 = Some(((objects.to_vec(), options.frames), ground));
         }
         self.0.as_ref().and_then(|(_, ground)| ground.clone())
     }
