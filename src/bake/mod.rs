@@ -78,19 +78,13 @@ pub fn bake(
     let (shared, copies) = copies::share(&doc, &mut scene, &before, options);
     let mut chosen = choose::choose(&mut scene, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    clock.enter(Stage::Write);
-    let mut written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
-    // The output is held against the input as it was read.
-    crate::copies::undo(&mut scene);
-    clock.enter(Stage::Verify);
-    let verify = |written: &Written| verify_staged(&scene, written, output, &machine, &options.verify);
-    let (mut after_scene, mut verification, mut verdict) = verify(&written)?;
-    if verdict == Verdict::NotFaster && chosen.measured && !emit::is_unchanged(&chosen.layout) {
+    let mut tried = Tried::new(&doc, &mut scene, &chosen.layout, output, &machine, options, &mut clock)?;
+    if tried.verdict == Verdict::NotFaster && chosen.measured && !emit::is_unchanged(&chosen.layout) {
         chosen = chosen.left_alone(&scene);
-        drop(written);
-        written = write(&doc, &scene, &chosen.layout, output, options.prune)?;
-        (after_scene, verification, verdict) = verify(&written)?;
+        drop(tried);
+        tried = Tried::new(&doc, &mut scene, &chosen.layout, output, &machine, options, &mut clock)?;
     }
+    let Tried { written, after: after_scene, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_as_built(&after_scene, blas_per) };
 
@@ -153,6 +147,35 @@ pub(crate) fn per_primitive_note(per: BlasPer, scenes: [&Scene; 2], metrics: [&M
         costs(metrics),
         costs([&of_meshes[0], &of_meshes[1]])
     )]
+}
+
+/// A layout written, staged, and verified.
+struct Tried {
+    written: Written,
+    /// The scene that was read back.
+    after: Scene,
+    verification: Verification,
+    verdict: Verdict,
+}
+
+impl Tried {
+    /// Writes a layout and holds it against the input as it was read, without meshes that stand in for copies.
+    fn new(
+        doc: &Document,
+        scene: &mut Scene,
+        layout: &Layout,
+        output: &Path,
+        machine: &Machine,
+        options: &BakeOptions,
+        clock: &mut Clock,
+    ) -> Result<Tried, BakeError> {
+        clock.enter(Stage::Write);
+        let written = write(doc, scene, layout, output, options.prune)?;
+        crate::copies::undo(scene);
+        clock.enter(Stage::Verify);
+        let (after, verification, verdict) = verify_staged(scene, &written, output, machine, &options.verify)?;
+        Ok(Tried { written, after, verification, verdict })
+    }
 }
 
 struct Written {

@@ -83,8 +83,12 @@ impl Chosen {
         let layout = layout::run(Method::Keep, scene, &layout::Options::default());
         let reason = format!("{} was not faster than the input when it was verified", self.report.chosen_candidate);
         let keep = Method::Keep.name();
+        let mut passes = self.passes;
+        passes.iter_mut().filter(|pass| passes::OF_LAYOUT.contains(&pass.name)).for_each(|pass| {
+            (pass.applied, pass.reason) = (false, "the input is left alone".to_owned());
+        });
         let report = MethodReport { chosen: keep, chosen_candidate: keep.to_owned(), reason, ..self.report };
-        Chosen { layout, report, ..self }
+        Chosen { layout, report, passes, ..self }
     }
 }
 

@@ -12,6 +12,9 @@ use crate::scene::{Opacity, Scene};
 /// Triangles whose boxes have on average less than this many times the area of the tightest lie along the axes.
 const LOOSE: f64 = 1.02;
 
+/// The passes that a layout takes part in, by name.
+pub(super) const OF_LAYOUT: [&str; 3] = ["regroup", "centre frames", "order by tree"];
+
 /// The plans that may change something, and why others are left out.
 pub(super) fn worth_a_try(scene: &Scene, before: &Metrics, plans: Vec<Plan>) -> (Vec<Plan>, Vec<Pass>) {
     let start = Instant::now();

@@ -235,8 +235,10 @@ mod tests {
             assert!(quality.rms_ratio_error < 1e-9 && quality.picked_worst_ratio == 1.0, "{quality:?}");
             assert!(quality.correlation.is_some_and(|c| c > 1.0 - 1e-9));
         }
-        assert_eq!(found.kinds[2].table, PLANTED);
-        assert!(found.kinds[2].table_rms_relative_error < 1e-12 && found.kinds[0].table_rms_relative_error > 0.1);
+        for (kind, table) in found.kinds.iter().zip(Class::NoRtCores.prices()) {
+            assert_eq!(kind.table, table);
+            assert!(kind.table_rms_relative_error > 1e-3);
+        }
     }
 
     #[test]

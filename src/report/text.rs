@@ -32,8 +32,10 @@ pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
     text += &list("warning", &report.warnings, verbose);
     let _ = writeln!(text, "\nmethod {} ({})", report.method.chosen, report.method.reason);
     text += &list("note", &report.notes, verbose);
-    if verbose {
+    if verbose || report.method.candidates.len() > 1 {
         text += &candidates(report);
+    }
+    if verbose {
         text += &passes(report);
     }
     text += &before_and_after(report.blas_per, [&report.before, &report.after], &report.verify);
