@@ -11,6 +11,8 @@ mod ground;
 mod programme;
 mod refit;
 mod soup;
+#[cfg(test)]
+mod tests;
 mod units;
 
 use std::collections::BTreeMap;

@@ -43,7 +43,7 @@ struct Decision {
 /// Cuts a tree that is too large for one group by taking as little off it as will do: one group stays in the frame of
 /// the tree, and parts leave it as they are; gives them and the cost. `None` where that cannot be done.
 ///
-/// What to take off is found for a price a triangle (H. Everett, "Generalized Lagrange Multiplier Method", 1963): the
+/// What to take off is one small part, or found for a price a triangle (H. Everett, "Generalized Lagrange Multiplier Method", 1963): the
 /// parts worth most over what entering them costs, at the least price that takes off enough.
 pub(super) fn peel(known: &Known, limits: &Limits) -> Option<(Vec<Group>, f64)> {
     let root = known.facts.first()?;
@@ -61,9 +61,39 @@ pub(super) fn peel(known: &Known, limits: &Limits) -> Option<(Vec<Group>, f64)> 
             low = price;
         }
     }
-    let taken = enough?;
+    // Prices find no way between two of the best at theirs; for a small excess one small part may do.
+    let priced = enough.map(|taken| without_surplus(known, taken, excess));
+    let area = |taken: &Vec<u32>| taken.iter().map(|&at| known.facts[at as usize].loose).sum::<f64>();
+    let choices = priced.into_iter().chain(smallest(known, limits, excess).map(|at| vec![at]));
+    let taken = choices.min_by(|a, b| area(a).total_cmp(&area(b)))?;
     let cost = limits.entry_cost * root.loose + root.inside + taken.iter().map(|&at| costs(at as usize)).sum::<f64>();
     Some((peeled(known, &taken), cost))
+}
+
+/// The part of least area that is enough by itself, and not too large.
+fn smallest(known: &Known, limits: &Limits, excess: u32) -> Option<u32> {
+    let fits = |at: &u32| (excess..=limits.max_triangles).contains(&known.facts[*at as usize].triangles);
+    let area = |at: u32| known.facts[at as usize].loose;
+    (1..known.facts.len() as u32).filter(fits).min_by(|&a, &b| area(a).total_cmp(&area(b)).then(a.cmp(&b)))
+}
+
+/// Parts without those that need not be taken off after all, the dearest a triangle first: parts that are alike become
+/// worth their cost at the same price.
+fn without_surplus(known: &Known, taken: Vec<u32>, excess: u32) -> Vec<u32> {
+    let fact = |at: u32| &known.facts[at as usize];
+    let dear = |at: u32| fact(at).loose / f64::from(fact(at).triangles.max(1));
+    let mut surplus = taken.iter().map(|&at| fact(at).triangles).sum::<u32>() - excess;
+    let mut order = taken.clone();
+    order.sort_by(|&a, &b| dear(b).total_cmp(&dear(a)).then(b.cmp(&a)));
+    let mut dropped = Vec::new();
+    for at in order {
+        if fact(at).triangles <= surplus {
+            surplus -= fact(at).triangles;
+            dropped.push(at);
+        }
+    }
+    dropped.sort_unstable();
+    taken.into_iter().filter(|at| dropped.binary_search(at).is_err()).collect()
 }
 
 /// Halvings of the price a triangle.
