@@ -189,7 +189,7 @@ struct LayoutArguments {
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     frames: bool,
     /// cluster: most triangles of a group [default: no limit]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_group_triangles: Option<u32>,
     /// cluster: longest side of a group's box over that of the scene's [default: no limit]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]

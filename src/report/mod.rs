@@ -131,7 +131,7 @@ pub enum Verdict {
     /// The output traces faster than the input by more than the spread.
     #[serde(rename = "faster")]
     Faster,
-    /// The output was restructured as asked, but does not trace faster by more than the spread.
+    /// The output was restructured, but does not trace faster by more than the spread.
     #[serde(rename = "not faster")]
     NotFaster,
     /// The output is the input.

@@ -286,7 +286,7 @@ fn seconds(report: &BakeReport) -> String {
 fn verdict(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Faster => "faster",
-        Verdict::NotFaster => "not faster: restructured as asked, but no gain beyond the spread",
+        Verdict::NotFaster => "not faster: restructured, but no gain beyond the spread",
         Verdict::LeftAlone => "left alone",
         Verdict::Failed => "failed: no file was written",
     }
