@@ -46,8 +46,8 @@ const LEAST_SAVED_RATIO: f64 = 0.05;
 /// Bytes that `auto` must save besides: what devices allocate at least at a time (see rule RK009 of `inspect`).
 const LEAST_SAVED_BYTES: u64 = 64 << 10;
 
-/// Lets meshes stand in for their copies, unless their looser boxes cost too much or hardly any memory is saved. Returns the metrics of the scene
-/// with them, and what was done; nothing where the options leave the pass out.
+/// Lets meshes stand in for their copies, unless their looser boxes cost too much or hardly any memory is saved.
+/// Returns the metrics of the scene with them, and what was done; nothing where the options leave the pass out.
 pub(super) fn share(
     doc: &Document,
     scene: &mut Scene,

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::model::Ranking;
 use super::passes::pass;
 use super::plans::Plan;
-use crate::cost::{Metrics, bytes};
+use crate::cost::Metrics;
 use crate::emit;
 use crate::layout::{self, Cache, Content, Layout};
 use crate::report::{self, Pass};
@@ -79,7 +79,7 @@ impl Candidate {
                 (cost, ranking.picoseconds(&trees))
             }
         };
-        let as_bytes = as_bytes(scene, &built);
+        let as_bytes = built.as_bytes(scene);
         let largest_group = largest_group(scene, &built);
         Candidate {
             plan,
@@ -124,21 +124,6 @@ pub(crate) fn as_built<'l>(scene: &Scene, layout: &'l Layout, per: BlasPer) -> C
     }
 }
 
-/// Predicted bytes of the BLASes and the TLAS of a layout.
-pub(crate) fn as_bytes(scene: &Scene, layout: &Layout) -> u64 {
-    let blas = layout.groups.iter().map(|g| bytes::blas(triangles(scene, &g.content) as u64));
-    blas.fold(bytes::tlas(layout.placements.len() as u64), u64::saturating_add)
-}
-
-fn triangles(scene: &Scene, content: &Content) -> usize {
-    match content {
-        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
-        Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
-            geometries.iter().map(|g| g.triangles.len()).sum()
-        }
-    }
-}
-
 /// As in [`Candidate::largest_group`].
 fn largest_group(scene: &Scene, layout: &Layout) -> usize {
     let mut uses = vec![0u32; scene.meshes.len()];
@@ -148,7 +133,7 @@ fn largest_group(scene: &Scene, layout: &Layout) -> usize {
         Content::Baked { .. } => true,
     };
     let groups = layout.groups.iter().filter(|g| divisible(&g.content));
-    groups.map(|g| triangles(scene, &g.content)).max().unwrap_or(0)
+    groups.map(|g| g.content.triangle_count(scene)).max().unwrap_or(0)
 }
 
 /// Runs a plan and keeps its rounding within the limit; the scene's pins are as before.

@@ -26,7 +26,7 @@ use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Machine, VerifyOptions};
 use candidate::Candidate;
-pub(crate) use candidate::{Laid, as_bytes, lay_out};
+pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
 use plans::{Effort, Plan};
 
@@ -146,11 +146,8 @@ fn best(
     let most_bytes = max_bytes_ratio * input.as_bytes() as f64;
     let bounds = decide::Bounds { most_bytes, most_triangles: told.max_group_triangles };
     let decision = decide::decide(&mut candidates, &verify.weights, &bounds, measured);
+    let reports = candidates.iter().map(|c| c.report(&verify.weights)).collect();
     let winner = candidates.swap_remove(decision.winner);
-    let mut reports: Vec<_> = candidates.iter().map(|c| c.report(&verify.weights)).collect();
-    let last = reports.len();
-    reports.push(winner.report(&verify.weights));
-    reports.swap(decision.winner, last);
     let report = MethodReport {
         requested: "auto",
         chosen: winner.plan.method.name(),

@@ -1,6 +1,6 @@
 //! Frames that keep the rounding of baked positions within a limit.
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 use rayon::prelude::*;
 
 use crate::layout::{Content, GroupGeometry, Layout};
@@ -31,7 +31,7 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settl
         }
         let bounds = bounds(scene, geometries);
         if error > limit.min(max_error_ratio * bounds.diagonal()) {
-            frame.translation = centre(&bounds);
+            frame.translation = bounds.stored_center();
             settled.centred += 1;
             error = largest_error(scene, geometries, *frame);
         }
@@ -81,10 +81,4 @@ fn bounds(scene: &Scene, geometries: &[GroupGeometry]) -> Bounds {
         .flat_map(|g| g.triangles.par_iter())
         .map(|&at| Bounds::of(scene.world_corners(at)))
         .reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
-}
-
-/// The middle of a group, rounded so that a file that is read in single precision holds it.
-fn centre(bounds: &Bounds) -> DVec3 {
-    let middle = bounds.center().as_vec3().as_dvec3();
-    if middle.is_finite() { middle } else { DVec3::ZERO }
 }

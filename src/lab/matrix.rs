@@ -3,7 +3,7 @@
 use super::config::Config;
 use super::rows::{KindRow, Row};
 use crate::choose::model::{Class, Counts};
-use crate::choose::{Laid, as_bytes, lay_out};
+use crate::choose::{Laid, lay_out};
 use crate::layout::{self, Cache};
 use crate::scene::Scene;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
@@ -81,7 +81,7 @@ fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) 
         groups: stored.meshes.len() as u64,
         instances: stored.instances.len() as u64,
         two_level_cost: trees.cost(scene.bounds().area()),
-        predicted_bytes: as_bytes(scene, &entry.laid.layout),
+        predicted_bytes: entry.laid.layout.as_bytes(scene),
         position_error_ratio: entry.laid.position_error_ratio,
         kinds: [0, 1, 2, 3].map(kind).into(),
         ..Row::default()

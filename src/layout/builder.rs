@@ -248,6 +248,28 @@ pub(super) fn first_instances(scene: &Scene) -> Vec<u32> {
     first.into_iter().map(Option::unwrap_or_default).collect()
 }
 
+/// The name of a group by how many triangles of each object are in it: that of the object with the most; with the next
+/// number where the group is only a part of one object, with the number of further objects where there are others.
+pub(super) fn group_name(
+    scene: &Scene,
+    objects: &[Object],
+    sizes: &BTreeMap<u32, usize>,
+    numbers: &mut [u32],
+) -> String {
+    let largest = sizes.iter().max_by_key(|(object, size)| (**size, std::cmp::Reverse(**object)));
+    let Some((&object, &size)) = largest else { return String::new() };
+    let object = object as usize;
+    let base = objects[object].name(scene);
+    if sizes.len() > 1 {
+        return format!("{base} + {}", sizes.len() - 1);
+    }
+    if size == objects[object].geometry(scene).triangles.len() {
+        return base;
+    }
+    numbers[object] += 1;
+    format!("{base}.{}", numbers[object] - 1)
+}
+
 fn geometry_name(base: &str, mesh: &Mesh, geometry: u32) -> String {
     let base = if base.is_empty() { "object" } else { base };
     if mesh.geometries.len() == 1 { base.to_owned() } else { format!("{base}.{geometry}") }

@@ -125,13 +125,7 @@ impl<'a> Coverage<'a> {
         groups.iter_mut().for_each(|g| g.sort_unstable());
         let mut baked = vec![0; scene.instances.len()];
         baked_triangles(layout).for_each(|t| baked[t.instance as usize] += 1);
-        let size = |content: &Content| match content {
-            Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
-            Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
-                geometries.iter().map(|g| g.triangles.len()).sum()
-            }
-        };
-        let sizes = layout.groups.iter().map(|g| size(&g.content)).collect();
+        let sizes = layout.groups.iter().map(|g| g.content.triangle_count(scene)).collect();
         Coverage { scene, layout, groups, baked, sizes }
     }
 

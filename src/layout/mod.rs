@@ -25,6 +25,7 @@ pub use parts::{isolates, opacities_differ};
 pub use per_geometry::per_geometry;
 pub use stored::stored;
 
+use crate::cost::bytes;
 use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
 use glam::DAffine3;
 
@@ -63,6 +64,26 @@ pub enum Content {
         /// One geometry for each material (and each vertex format within it).
         geometries: Vec<GroupGeometry>,
     },
+}
+
+impl Content {
+    /// Triangles of a group, counted once however often it is placed.
+    pub fn triangle_count(&self, scene: &Scene) -> usize {
+        match self {
+            Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
+            Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
+                geometries.iter().map(|g| g.triangles.len()).sum()
+            }
+        }
+    }
+}
+
+impl Layout {
+    /// Predicted bytes of all BLASes and the TLAS; see [`bytes`].
+    pub fn as_bytes(&self, scene: &Scene) -> u64 {
+        let blas = self.groups.iter().map(|g| bytes::blas(g.content.triangle_count(scene) as u64));
+        blas.fold(bytes::tlas(self.placements.len() as u64), u64::saturating_add)
+    }
 }
 
 /// The triangles of one geometry.

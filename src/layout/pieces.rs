@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::builder::{Builder, Geometries, Object, objects};
+use super::builder::{Builder, Geometries, Object, group_name, objects};
 use super::instancing::Selection;
 use crate::scene::{Bounds, Geometry, Scene, TriangleRef};
 
@@ -162,23 +162,10 @@ impl<'a> Pieces<'a> {
         self.objects[object as usize].geometry(self.scene).triangles.len() as u32
     }
 
-    /// The object's name; with the next number for a part of one object; with the number of further objects for
-    /// several, after the one with the most triangles in the group.
     fn name(&self, group: &[Piece], numbers: &mut [u32]) -> String {
         let mut sizes: BTreeMap<u32, usize> = BTreeMap::new();
         group.iter().for_each(|piece| *sizes.entry(piece.object).or_default() += piece.len());
-        let largest = sizes.iter().max_by_key(|(object, size)| (**size, std::cmp::Reverse(**object)));
-        let Some((&object, &size)) = largest else { return String::new() };
-        let base = self.objects[object as usize].name(self.scene);
-        if sizes.len() > 1 {
-            return format!("{base} + {}", sizes.len() - 1);
-        }
-        if size == self.triangle_count(object) as usize {
-            return base;
-        }
-        let number = &mut numbers[object as usize];
-        *number += 1;
-        format!("{base}.{}", *number - 1)
+        group_name(self.scene, &self.objects, &sizes, numbers)
     }
 
     fn geometries(&self, group: &[Piece]) -> Geometries {

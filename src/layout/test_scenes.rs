@@ -83,13 +83,7 @@ pub(super) fn small_triangle(corner: Vec3) -> [Vec3; 3] {
 
 /// How many triangles each group has, in the order of the groups.
 pub(super) fn group_sizes(scene: &Scene, layout: &Layout) -> Vec<usize> {
-    let size = |content: &Content| match content {
-        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
-        Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
-            geometries.iter().map(|g| g.triangles.len()).sum()
-        }
-    };
-    layout.groups.iter().map(|g| size(&g.content)).collect()
+    layout.groups.iter().map(|g| g.content.triangle_count(scene)).collect()
 }
 
 /// Names of the groups, each with `kept`, `piece` or `baked`.

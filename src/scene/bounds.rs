@@ -67,6 +67,12 @@ impl Bounds {
         if self.is_empty() { DVec3::ZERO } else { self.min + 0.5 * (self.max - self.min) }
     }
 
+    /// The midpoint, rounded so that a file that is read in single precision holds it; the origin where that cannot hold it.
+    pub fn stored_center(&self) -> DVec3 {
+        let middle = self.center().as_vec3().as_dvec3();
+        if middle.is_finite() { middle } else { DVec3::ZERO }
+    }
+
     /// The box of this box's eight transformed corners, as a driver computes an instance's box
     /// (J. Arvo, "Transforming Axis-Aligned Bounding Boxes", Graphics Gems, 1990). Exact under the identity; faces
     /// that touch still touch after a common translation and axis-aligned scale.

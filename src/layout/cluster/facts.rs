@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::TLAS_NODES;
 use super::refit::Refit;
-use super::soup::{Soup, Turned};
+use super::soup::{Soup, Turned, tightest};
 use crate::cost::sah::{INTERSECTION, TRAVERSAL};
 use crate::cost::tree::Tree;
 use crate::layout::frames::{self, Search};
@@ -87,7 +87,14 @@ impl Sums {
     fn of(soup: &Soup, base: &Turned, triangle: u32) -> Sums {
         let bounds = soup.bounds_in(base, triangle);
         let world = if *base == Turned::NOT { bounds } else { soup.bounds_in(&Turned::NOT, triangle) };
-        Sums { triangles: 1, bounds, world, inside: 0.0, boxes: bounds.area(), tightest: soup.tightest(triangle) }
+        Sums {
+            triangles: 1,
+            bounds,
+            world,
+            inside: 0.0,
+            boxes: bounds.area(),
+            tightest: tightest(soup.corners(triangle)),
+        }
     }
 
     fn with(&self, other: &Sums) -> Sums {

@@ -18,9 +18,9 @@ mod units;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 
-use super::builder::{Builder, Geometries, Object, objects};
+use super::builder::{Builder, Geometries, Object, group_name, objects};
 use super::instancing::bake_within_limits;
 use super::parts::{bake_part, parts};
 use super::{Layout, Options, single};
@@ -96,8 +96,8 @@ pub fn looseness(scene: &Scene) -> f64 {
     let step = triangles.div_ceil(SAMPLES).max(1);
     let sample = free.iter().flat_map(|o| o.triangles(scene)).step_by(step);
     let areas = sample.map(|at| {
-        let corners @ [a, b, c] = scene.world_corners(at);
-        [Bounds::of(corners).area(), 2.0 * (b - a).cross(c - a).length()]
+        let corners = scene.world_corners(at);
+        [Bounds::of(corners).area(), soup::tightest(corners)]
     });
     let [loose, tight] = areas.fold([0.0, 0.0], |sum, a| [sum[0] + a[0], sum[1] + a[1]]);
     if tight > 0.0 && loose.is_finite() { (loose / tight).max(1.0) } else { 1.0 }
@@ -134,13 +134,13 @@ fn push(scene: &Scene, objects: &[Object], soup: &Soup, groups: &[Group], layout
     let mut numbers = vec![0u32; objects.len()];
     for group in groups {
         let mut geometries = Geometries::default();
-        let mut sizes: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut sizes: BTreeMap<u32, usize> = BTreeMap::new();
         for run in group.items.chunk_by(|&a, &b| object_of(a) == object_of(b)) {
             let object = object_of(run[0]);
-            *sizes.entry(object).or_default() += run.len();
+            *sizes.entry(object as u32).or_default() += run.len();
             geometries.add(objects[object].geometry(scene), run.iter().map(|&t| soup.refs[t as usize]));
         }
-        let name = name(scene, objects, soup, &sizes, &mut numbers);
+        let name = group_name(scene, objects, &sizes, &mut numbers);
         layout.bake_in(frame(scene, soup, group), name, geometries);
     }
 }
@@ -151,23 +151,5 @@ fn frame(scene: &Scene, soup: &Soup, group: &Group) -> DAffine3 {
         return DAffine3::IDENTITY;
     }
     let corners = group.items.iter().flat_map(|&t| scene.world_corners(soup.refs[t as usize]));
-    let middle = Bounds::of(corners).center().as_vec3().as_dvec3();
-    DAffine3 { matrix3: group.frame.rotation, translation: if middle.is_finite() { middle } else { DVec3::ZERO } }
-}
-
-/// The name of the object with the most triangles in a group: with the next number where the group is only a part of
-/// that object, with the number of further objects where there are others.
-fn name(scene: &Scene, objects: &[Object], soup: &Soup, sizes: &BTreeMap<usize, usize>, numbers: &mut [u32]) -> String {
-    let largest = sizes.iter().max_by_key(|(object, size)| (**size, std::cmp::Reverse(**object)));
-    let Some((&object, &size)) = largest else { return String::new() };
-    let base = objects[object].name(scene);
-    let whole = (soup.objects[object + 1] - soup.objects[object]) as usize;
-    if sizes.len() > 1 {
-        return format!("{base} + {}", sizes.len() - 1);
-    }
-    if size == whole {
-        return base;
-    }
-    numbers[object] += 1;
-    format!("{base}.{}", numbers[object] - 1)
+    DAffine3 { matrix3: group.frame.rotation, translation: Bounds::of(corners).stored_center() }
 }

@@ -52,16 +52,15 @@ impl Soup {
         Bounds::of(self.corners(triangle).map(|p| frame.into * p))
     }
 
-    /// Surface area of the tightest box there is around a triangle: a rectangle of twice its area, with two sides.
-    pub(super) fn tightest(&self, triangle: u32) -> f64 {
-        let [a, b, c] = self.corners(triangle);
-        2.0 * (b - a).cross(c - a).length()
-    }
-
     /// The boxes of all triangles in a frame.
     pub(super) fn boxes_in(&self, frame: &Turned) -> Vec<Bounds> {
         (0..self.len() as u32).into_par_iter().map(|t| self.bounds_in(frame, t)).collect()
     }
+}
+
+/// Surface area of the tightest box there is around a triangle: a rectangle of twice its area, with two sides.
+pub(super) fn tightest([a, b, c]: [DVec3; 3]) -> f64 {
+    2.0 * (b - a).cross(c - a).length()
 }
 
 /// A rotation and its inverse.

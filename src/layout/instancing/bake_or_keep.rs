@@ -4,7 +4,7 @@
 //! the predicted bytes that their copies add, as long as the limits hold.
 
 use super::super::{Layout, Options};
-use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, layout_bytes, placed_bytes};
+use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
 use crate::cost::bytes;
 use crate::scene::{Instance, Scene};
 
@@ -19,7 +19,7 @@ pub(super) fn run(scene: &Scene, options: &Options, method: impl Fn(&Selection) 
     });
     loop {
         let mut layout = method(&select(scene, &candidates[..chosen]));
-        let excess = layout_bytes(scene, &layout) as f64 - most_bytes;
+        let excess = layout.as_bytes(scene) as f64 - most_bytes;
         let fewer = without_excess(&candidates[..chosen], excess);
         if fewer == chosen {
             layout.notes.extend(note(&candidates[chosen..within_memory], "the bytes allowed would be exceeded"));
@@ -193,7 +193,7 @@ mod tests {
         let scene = instanced().scene();
         let input = input_bytes(&scene) as f64;
         for ratio in [1.0, 1.1, 1.2, 1.5, 2.0, 2.5, 3.0] {
-            let bytes = layout_bytes(&scene, &with_ratio(&scene, ratio)) as f64;
+            let bytes = with_ratio(&scene, ratio).as_bytes(&scene) as f64;
             assert!(bytes <= ratio * input, "{bytes} of {input} at {ratio}");
         }
     }

@@ -11,7 +11,7 @@ use super::super::{Layout, Options};
 use super::cut::Cuts;
 use super::plan::{Mesh, Plan, gain_a_byte, hull};
 use super::tally::Counted;
-use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, layout_bytes, placed_bytes};
+use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
 use crate::cost::overlap;
 use crate::cost::segments::{self, Boxed, Segment};
 use crate::cost::tree::Quality;
@@ -56,7 +56,7 @@ pub(super) fn run(scene: &Scene, options: &Options, method: impl Fn(&Selection) 
     for round in 0.. {
         let plans = if round < MOST_ROUNDS { candidates.choose(allowed) } else { candidates.keep_all() };
         let mut layout = method(&candidates.select(scene, &plans));
-        let excess = layout_bytes(scene, &layout) as f64 - most_bytes;
+        let excess = layout.as_bytes(scene) as f64 - most_bytes;
         // NaN is no excess: a limit that is no number allows what the input takes.
         let exceeds = excess > 0.0;
         if !exceeds || plans.iter().all(Plan::keeps) {

@@ -15,7 +15,7 @@ mod tally;
 mod tests;
 
 use super::builder::Builder;
-use super::{Content, Instances, Layout, Options};
+use super::{Instances, Layout, Options};
 use crate::cost::bytes;
 use crate::scene::{Bounds, InstanceId, Scene};
 
@@ -110,17 +110,4 @@ fn bytes_of(scene: &Scene, counts: impl Fn(usize) -> bool) -> u64 {
     let meshes = scene.meshes.iter().enumerate().filter(|(i, _)| counts(*i));
     let blases = meshes.map(|(_, m)| bytes::blas(m.triangle_count() as u64)).fold(0, u64::saturating_add);
     blases.saturating_add(bytes::tlas(scene.instances.len() as u64))
-}
-
-/// Predicted bytes of a layout.
-fn layout_bytes(scene: &Scene, layout: &Layout) -> u64 {
-    let triangles = |content: &Content| match content {
-        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
-        Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
-            geometries.iter().map(|g| g.triangles.len()).sum()
-        }
-    };
-    let blas = |sum: u64, triangles| sum.saturating_add(bytes::blas(triangles as u64));
-    let blases = layout.groups.iter().map(|g| triangles(&g.content)).fold(0, blas);
-    blases.saturating_add(bytes::tlas(layout.placements.len() as u64))
 }

@@ -10,7 +10,7 @@ use super::super::single::{join_all, single};
 use super::super::test_scenes::*;
 use super::super::{Content, Instances, Layout, Method, Options, run};
 use super::choose::Candidates;
-use super::{input_bytes, layout_bytes};
+use super::input_bytes;
 use crate::scene::{Pinned, Scene};
 
 fn choose(max_bytes_ratio: Option<f64>) -> Options {
@@ -150,7 +150,7 @@ fn the_bytes_allowed_are_never_exceeded() {
     builder.object("floor", 1, row(Vec3::ZERO, 50));
     let scene = builder.scene();
     for ratio in [1.0, 1.1, 1.25, 1.5, 2.0, 4.0, 8.0, 16.0, 30.0] {
-        let bytes = layout_bytes(&scene, &chosen(&scene, Some(ratio))) as f64;
+        let bytes = chosen(&scene, Some(ratio)).as_bytes(&scene) as f64;
         assert!(bytes <= ratio * input_bytes(&scene) as f64, "{bytes} at {ratio}");
     }
 }
@@ -207,7 +207,7 @@ fn baked_and_opened_instances_of_one_mesh_are_together_all_there() {
     let names = group_names(&layout);
     assert!(names.contains(&"baked scene".to_owned()) && names.contains(&"piece knot.0".to_owned()), "{names:?}");
     assert_eq!(selection.left_bounds(&scene).len(), layout.placements.len() - 1);
-    let bytes = layout_bytes(&scene, &layout) as f64;
+    let bytes = layout.as_bytes(&scene) as f64;
     assert!((mixed.bytes / bytes - 1.0).abs() < 0.01, "{} were predicted, {bytes} it takes", mixed.bytes);
 }
 
