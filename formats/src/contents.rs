@@ -219,6 +219,33 @@ pub struct Material {
     pub opacity: Opacity,
     /// Whether back faces are shown.
     pub double_sided: bool,
+    /// Its colours and which textures it has.
+    pub look: Look,
+    /// The first material of the file that says the same in everything but name and extras, if that is an earlier one.
+    pub same_as: Option<usize>,
+}
+
+/// What a material says of its looks in the core properties of glTF; numbers are rounded to six significant digits, as
+/// tools write them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// `baseColorFactor`.
+    pub base_color: [f64; 4],
+    /// `metallicFactor`.
+    pub metallic: f64,
+    /// `roughnessFactor`.
+    pub roughness: f64,
+    /// `emissiveFactor`.
+    pub emissive: [f64; 3],
+    /// Whether there are textures of the base colour, of metallic and roughness, of normals, of occlusion, of emission.
+    pub textures: [bool; 5],
+}
+
+impl Default for Look {
+    /// The default material's.
+    fn default() -> Look {
+        Look { base_color: [1.0; 4], metallic: 1.0, roughness: 1.0, emissive: [0.0; 3], textures: [false; 5] }
+    }
 }
 
 /// A glTF camera. Looks along its node's -z, y up.

@@ -10,6 +10,7 @@ pub mod compare;
 pub mod cpu;
 pub mod device;
 pub mod identity;
+mod materials;
 mod race;
 mod random;
 pub mod rays;
@@ -89,8 +90,8 @@ pub enum Matching {
     /// By what the output says about where each comes from; all of them are compared, exactly.
     #[default]
     Identity,
-    /// By nothing: only what rays see of the surfaces is compared, as far as their place, side and the name of
-    /// their material go.
+    /// By nothing: only what rays see of the surfaces is compared, as far as their place, side and the name or look
+    /// of their material go.
     Surface,
 }
 
@@ -132,7 +133,9 @@ pub fn verify_with<'t, T: Tracer + 't>(
     if options.matching == Matching::Surface {
         let surfaces = Surfaces::new(before, after, reference, rays.radius, options);
         let compare = |kind, rays: &[_], hits: [&[_]; 2]| surfaces.compare(kind, rays, hits);
-        return Ok(verdict::judge(tracing::trace(before, &rays, tracers, options, compare)?, None, options));
+        let mut seen = tracing::trace(before, &rays, tracers, options, compare)?;
+        seen.notes.extend(surfaces.note());
+        return Ok(verdict::judge(seen, None, options));
     }
     let identity = Identity::new(before, after);
     let structure = structure::compare(&identity, before, after, options.max_position_error_ratio);

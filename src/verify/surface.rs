@@ -2,14 +2,15 @@
 //!
 //! The truth about the input is what double precision finds: of each ray the closest triangle and, where the output
 //! shows something else there, whether any triangle the ray passes through is as the output says. The output is right where its
-//! hit lies on a triangle of the input whose material has the same name, with the same side seen, and nothing of the
-//! input lies before it.
+//! hit lies on a triangle of the input whose material has the same name (or looks the same, see [`Materials`]), with
+//! the same side seen, and nothing of the input lies before it.
 
 use rayon::prelude::*;
 
 use super::approach::Approach;
-use super::compare::{EXAMPLES, Errors, FAR_RATIO, Judgement, NEAR_RATIO, Side, Tally, at_an_end, material};
+use super::compare::{EXAMPLES, Errors, FAR_RATIO, Judgement, NEAR_RATIO, Side, Tally, at_an_end};
 use super::cpu::{Reference, TrueHit};
+use super::materials::Materials;
 use super::rays::{Ray, RayKind};
 use super::structure::reference_length;
 use super::{Hit, VerifyOptions};
@@ -19,16 +20,18 @@ use crate::scene::{Scene, TriangleRef};
 pub(super) struct Surfaces<'a> {
     /// The input and the output.
     sides: [Side<'a>; 2],
+    materials: Materials,
     reference: &'a Reference<'a>,
     radius: f64,
 }
 
 /// A hit as one side claims it; lengths are world units.
 #[derive(Clone, Copy)]
-struct Claim<'a> {
+struct Claim {
     distance: f64,
     front: bool,
-    material: Option<&'a str>,
+    /// A kind of [`Materials`].
+    material: u32,
     /// How far off line and corners may be.
     slack: f64,
     /// Whether the ray passes an edge of the triangle hit, as its own file has it, within the slack, or begins or ends
@@ -37,18 +40,19 @@ struct Claim<'a> {
 }
 
 /// A triangle of the input on the way of a ray.
-struct Truth<'a> {
+struct Truth {
     approach: Approach,
     slack: f64,
     distance: f64,
-    material: Option<&'a str>,
+    /// A kind of [`Materials`].
+    material: u32,
 }
 
 /// A claim that is not plainly right.
-struct Doubt<'a> {
+struct Doubt {
     ray: usize,
     side: usize,
-    claim: Option<Claim<'a>>,
+    claim: Option<Claim>,
 }
 
 impl<'a> Surfaces<'a> {
@@ -61,7 +65,14 @@ impl<'a> Surfaces<'a> {
         options: &VerifyOptions,
     ) -> Self {
         let allowed = options.max_position_error_ratio * reference_length(before);
-        Surfaces { sides: [Side::new(before, None, 0.0), Side::new(after, None, allowed)], reference, radius }
+        let sides = [Side::new(before, None, 0.0), Side::new(after, None, allowed)];
+        Surfaces { sides, materials: Materials::of([before, after]), reference, radius }
+    }
+
+    /// What to know about how materials are matched.
+    pub(super) fn note(&self) -> Option<String> {
+        (!self.materials.are_named())
+            .then(|| "not every material has a name in both files: materials are matched by their look".into())
     }
 
     /// Compares what the tracers say about rays.
@@ -87,9 +98,9 @@ impl<'a> Surfaces<'a> {
     fn first_look(
         &self,
         ray: usize,
-        claims: &[Option<Claim<'a>>; 2],
+        claims: &[Option<Claim>; 2],
         truth: Option<&Truth>,
-        doubts: &mut Vec<Doubt<'a>>,
+        doubts: &mut Vec<Doubt>,
         tally: &mut Tally,
     ) {
         for (side, claim) in claims.iter().enumerate() {
@@ -141,9 +152,17 @@ impl<'a> Surfaces<'a> {
             if let Judgement::Wrong(why) = judged[1]
                 && tally.examples.len() < EXAMPLES
             {
-                tally.examples.push(in_words(kind, ray, why, &claims[ray][1], &truths[ray]));
+                tally.examples.push(self.in_words(kind, ray, why, claims[ray][1].as_ref(), truths[ray].as_ref()));
             }
         }
+    }
+
+    fn in_words(&self, kind: RayKind, ray: usize, why: &str, claim: Option<&Claim>, truth: Option<&Truth>) -> String {
+        let words =
+            |material, distance| format!("material {} at distance {distance:.6}", self.materials.name(material));
+        let shown = claim.map_or(String::new(), |c| format!(" ({})", words(c.material, c.distance)));
+        let truly = truth.map_or("nothing".into(), |t| words(t.material, t.distance));
+        format!("{kind:?} ray {ray}: the output shows {why}{shown}, the input {truly}")
     }
 
     /// For each doubt whether the input has a surface where it is claimed, with the material and side claimed. Other
@@ -154,33 +173,33 @@ impl<'a> Surfaces<'a> {
             .meet(&from, |i, hit| doubts[i].claim.as_ref().is_some_and(|claim| self.truth(&from[i], hit).shows(claim)))
     }
 
-    fn claim(&self, side: usize, ray: &Ray, hit: &Hit) -> Claim<'a> {
-        let side = &self.sides[side];
+    fn claim(&self, of: usize, ray: &Ray, hit: &Hit) -> Claim {
+        let side = &self.sides[of];
         let at = TriangleRef { instance: hit.instance, triangle: hit.triangle };
         let own = Approach::new(ray, &side.scene.world_corners(at));
         let slack = side.slack(hit.instance, ray, &own);
         Claim {
             distance: f64::from(hit.t) * ray.direction.as_dvec3().length(),
             front: hit.front,
-            material: name(side.scene, at),
+            material: self.materials.kind(of, side.scene, at),
             slack,
             doubtful: own.grazes(slack) || at_an_end(ray, &own, slack),
         }
     }
 
-    fn truth(&self, ray: &Ray, hit: &TrueHit) -> Truth<'_> {
+    fn truth(&self, ray: &Ray, hit: &TrueHit) -> Truth {
         let side = &self.sides[0];
         let approach = Approach::new(ray, &side.scene.world_corners(hit.at));
         Truth {
             slack: side.slack(hit.at.instance, ray, &approach),
             distance: hit.t * ray.direction.as_dvec3().length(),
-            material: name(side.scene, hit.at),
+            material: self.materials.kind(0, side.scene, hit.at),
             approach,
         }
     }
 }
 
-impl Truth<'_> {
+impl Truth {
     /// Whether a claim is about this triangle, or one that looks the same in the same place.
     fn shows(&self, claim: &Claim) -> bool {
         let slack = self.slack + claim.slack;
@@ -238,19 +257,6 @@ fn agree(claims: &[Option<Claim>; 2], far: f64) -> bool {
     }
 }
 
-fn name(scene: &Scene, at: TriangleRef) -> Option<&str> {
-    material(scene, at).and_then(|m| scene.materials.get(m as usize)).and_then(|m| m.name.as_deref())
-}
-
-fn in_words(kind: RayKind, ray: usize, why: &str, claim: &Option<Claim>, truth: &Option<Truth>) -> String {
-    let words = |material: Option<&str>, distance: f64| {
-        format!("material `{}` at distance {distance:.6}", material.unwrap_or("(none)"))
-    };
-    let shown = claim.as_ref().map_or(String::new(), |c| format!(" ({})", words(c.material, c.distance)));
-    let truly = truth.as_ref().map_or("nothing".into(), |t| words(t.material, t.distance));
-    format!("{kind:?} ray {ray}: the output shows {why}{shown}, the input {truly}")
-}
-
 #[cfg(test)]
 mod tests {
     use glam::{DAffine3, DVec3};
@@ -301,6 +307,19 @@ mod tests {
         let (geometries, swapped) = (&mut after.meshes[1].geometries, [Some(2), Some(1)]);
         geometries.iter_mut().zip(swapped).for_each(|(g, m)| g.material = m);
         assert!(verified(&before, &after).passed());
+    }
+
+    #[test]
+    fn materials_go_by_their_look_where_names_are_lost() {
+        let mut before = named_room();
+        before.materials.iter_mut().zip([0.1, 0.2, 0.3]).for_each(|(m, red)| m.look.base_color[0] = red);
+        let mut after = before.clone();
+        after.materials.iter_mut().for_each(|m| m.name = None);
+        let found = verified(&before, &after);
+        assert!(found.passed() && found.notes.iter().any(|note| note.contains("by their look")), "{found}");
+        after.materials.swap(1, 2);
+        let found = verified(&before, &after);
+        assert!(found.mismatches > 100 && found.failures[0].contains("of base color"), "{found}");
     }
 
     #[test]

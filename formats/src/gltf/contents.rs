@@ -1,5 +1,7 @@
 //! From JSON to [`Contents`], with every check.
 
+use std::collections::HashMap;
+
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -7,7 +9,7 @@ use super::accessor::Accessor;
 use super::animation::mark_animated;
 use super::json::At;
 use super::{extensions, node, primitive};
-use crate::contents::{Camera, Material, Mesh, Node, Opacity};
+use crate::contents::{Camera, Look, Material, Mesh, Node, Opacity};
 use crate::{Contents, Document, Error, ReadOptions, Warning};
 
 pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents, Error> {
@@ -19,7 +21,7 @@ pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents,
     check_skins(doc, nodes.len())?;
     let roots = scenes(&root, &mut nodes)?;
     mark_animated(doc, &mut nodes)?;
-    let materials = root.list("materials")?.map(|at| material(&at, &mut warnings)).collect::<Result<_, _>>()?;
+    let materials = materials(&root, &mut warnings)?;
     let cameras = root.list("cameras")?.map(|at| camera(&at)).collect::<Result<_, _>>()?;
     let meshes = meshes(doc, options, &mut warnings)?;
     Ok(Contents { nodes, roots, meshes, materials, cameras, warnings })
@@ -102,6 +104,26 @@ fn scenes(root: &At<'_>, nodes: &mut [Node]) -> Result<Vec<usize>, Error> {
     Ok(roots)
 }
 
+fn materials(root: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Material>, Error> {
+    let mut first = HashMap::new();
+    let with_twin = |(i, at): (usize, At<'_>)| {
+        let material = material(&at, warnings)?;
+        let same_as = Some(*first.entry(content(at.value)).or_insert(i)).filter(|&first| first < i);
+        Ok(Material { same_as, ..material })
+    };
+    root.list("materials")?.enumerate().map(with_twin).collect()
+}
+
+/// What a material says, but for its name and extras, whatever the order.
+fn content(material: &Value) -> String {
+    let mut content = material.clone();
+    if let Some(all) = content.as_object_mut() {
+        all.retain(|key, _| !["name", "extras"].contains(&key.as_str()));
+    }
+    content.sort_all_objects();
+    content.to_string()
+}
+
 fn material(at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Material, Error> {
     at.object()?;
     let opacity = match at.get("alphaMode").map_or(Ok("OPAQUE"), |mode| mode.string())? {
@@ -114,7 +136,33 @@ fn material(at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Material, Error>
         }
     };
     let double_sided = at.get("doubleSided").map_or(Ok(false), |sided| sided.boolean())?;
-    Ok(Material { name: at.name(), opacity, double_sided })
+    Ok(Material { name: at.name(), opacity, double_sided, look: look(at), same_as: None })
+}
+
+/// What a material looks like; whatever is not as it should be is as if it were not there, since no ray asks for it.
+fn look(at: &At<'_>) -> Look {
+    let default = Look::default();
+    let pbr = at.get("pbrMetallicRoughness");
+    let number = |key| pbr.as_ref().and_then(|pbr| pbr.get(key)?.number().ok()).map(six_digits);
+    let base_color = pbr.as_ref().and_then(|pbr| pbr.get("baseColorFactor")?.numbers().ok());
+    let emissive = at.get("emissiveFactor").and_then(|color| color.numbers().ok());
+    let has = |place: Option<&At<'_>>, key| place.is_some_and(|place| place.get(key).is_some());
+    let [color, metal] = ["baseColorTexture", "metallicRoughnessTexture"].map(|key| has(pbr.as_ref(), key));
+    let [normal, occlusion, emission] =
+        ["normalTexture", "occlusionTexture", "emissiveTexture"].map(|key| has(Some(at), key));
+    Look {
+        base_color: base_color.map_or(default.base_color, |color| color.map(six_digits)),
+        metallic: number("metallicFactor").unwrap_or(default.metallic),
+        roughness: number("roughnessFactor").unwrap_or(default.roughness),
+        emissive: emissive.map_or(default.emissive, |color| color.map(six_digits)),
+        textures: [color, metal, normal, occlusion, emission],
+    }
+}
+
+/// A finite number with six significant digits: what `%g` leaves of it, and what rounding to a 32-bit float keeps.
+fn six_digits(x: f64) -> f64 {
+    // A number that was just written as one can be read as one; -0 looks like 0.
+    format!("{x:.5e}").parse().unwrap_or(x) + 0.0
 }
 
 fn camera(at: &At<'_>) -> Result<Camera, Error> {

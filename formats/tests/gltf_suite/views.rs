@@ -1,6 +1,6 @@
 //! The rest of the view: animations, skins, materials, cameras, names.
 
-use raykiln_formats::contents::{Camera, Opacity};
+use raykiln_formats::contents::{Camera, Look, Opacity};
 use raykiln_formats::{Contents, Document};
 use serde_json::{Value, json};
 
@@ -148,4 +148,49 @@ fn required_extensions_are_checked_here_too() {
     let mut doc = triangle();
     doc.json["extensionsRequired"] = json!(["ACME_curves"]);
     assert!(refusal(&doc).cause.contains("ACME_curves"));
+}
+
+#[test]
+fn the_look_of_a_material_is_read_to_six_digits() {
+    let mut doc = triangle();
+    doc.json["materials"] = json!([
+        {},
+        {
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.1_f32, 0.123_456_789, -0.0, 1],
+                "metallicFactor": 0,
+                "roughnessFactor": 0.25,
+                "metallicRoughnessTexture": {"index": 0}
+            },
+            "emissiveFactor": [1, 2, 3],
+            "normalTexture": {"index": 0}
+        },
+        {"pbrMetallicRoughness": {"baseColorFactor": ["red"], "metallicFactor": null}, "emissiveFactor": [1]},
+    ]);
+    let look = |i: usize| contents(&doc).materials[i].look;
+    assert_eq!(look(0), Look::default());
+    let said = Look {
+        base_color: [0.1, 0.123_457, 0.0, 1.0],
+        metallic: 0.0,
+        roughness: 0.25,
+        emissive: [1.0, 2.0, 3.0],
+        textures: [false, true, true, false, false],
+    };
+    assert_eq!(look(1), said);
+    assert_eq!(look(2), Look::default(), "what is not as it should be is as if it were not there");
+}
+
+#[test]
+fn materials_that_differ_in_name_alone_are_told() {
+    let mut doc = triangle();
+    let textured = json!({ "index": 0, "texCoord": 1 });
+    doc.json["materials"] = json!([
+        { "name": "a", "doubleSided": true, "pbrMetallicRoughness": { "baseColorTexture": textured } },
+        { "name": "b" },
+        { "pbrMetallicRoughness": { "baseColorTexture": textured }, "extras": 1, "doubleSided": true },
+        { "extras": 2 },
+        { "extensions": { "KHR_materials_unlit": {} } },
+    ]);
+    let same_as: Vec<Option<usize>> = contents(&doc).materials.iter().map(|m| m.same_as).collect();
+    assert_eq!(same_as, [None, None, Some(0), Some(1), None]);
 }

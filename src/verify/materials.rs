@@ -1,0 +1,174 @@
+//! Which materials of two files are the same, where nothing says so.
+
+use std::collections::HashMap;
+
+use super::compare::material;
+use crate::scene::{Material, Scene, TriangleRef};
+
+/// The materials of two scenes by what they have in common: their name, or their look.
+pub(super) struct Materials {
+    by_name: bool,
+    /// For each scene, the kind of each material, that of the default material last.
+    kinds: [Vec<u32>; 2],
+    /// What to call each kind.
+    words: Vec<String>,
+}
+
+impl Materials {
+    /// Names count where every material that shows has one, in both scenes; the default material then is one of its
+    /// own, and those of the first scene that differ in their name alone are one, since tools join them. Otherwise it is what [`Material::look`], alpha mode and sides say: a tool that drops names, or writes them
+    /// for some, cannot be held to them.
+    pub(super) fn of(scenes: [&Scene; 2]) -> Materials {
+        let by_name = scenes.iter().all(|scene| shown(scene).all(|m| m.name.is_some()));
+        let (mut found, mut words) = (HashMap::new(), Vec::new());
+        let mut kind = |key: String| {
+            *found.entry(key).or_insert_with_key(|key| {
+                words.push(key.clone());
+                words.len() as u32 - 1
+            })
+        };
+        let default = Material::default();
+        let twins = twins(scenes[0]);
+        let mut key = |material: &Material| match &material.name {
+            _ if !by_name => kind(look(material)),
+            None => kind("(none)".into()),
+            Some(name) => kind(format!("`{}`", twins.get(name.as_str()).unwrap_or(&name.as_str()))),
+        };
+        let kinds = scenes.map(|scene| scene.materials.iter().chain([&default]).map(&mut key).collect());
+        Materials { by_name, kinds, words }
+    }
+
+    /// Whether names count.
+    pub(super) fn are_named(&self) -> bool {
+        self.by_name
+    }
+
+    /// The kind of material a triangle of either scene has.
+    pub(super) fn kind(&self, side: usize, scene: &Scene, at: TriangleRef) -> u32 {
+        let kinds = &self.kinds[side];
+        kinds[material(scene, at).map_or(kinds.len() - 1, |m| m as usize)]
+    }
+
+    /// What to call a kind.
+    pub(super) fn name(&self, kind: u32) -> &str {
+        &self.words[kind as usize]
+    }
+}
+
+/// The materials that a scene's geometries have.
+fn shown(scene: &Scene) -> impl Iterator<Item = &Material> {
+    let geometries = scene.meshes.iter().flat_map(|mesh| &mesh.geometries);
+    geometries.filter_map(|geometry| geometry.material).map(|m| &scene.materials[m as usize])
+}
+
+/// For each name of a scene's materials that of the first one that says the same.
+fn twins(scene: &Scene) -> HashMap<&str, &str> {
+    let mut twins = HashMap::new();
+    for material in &scene.materials {
+        let twin = material.same_as.map_or(material, |first| &scene.materials[first]);
+        if let (Some(name), Some(of)) = (&material.name, &twin.name) {
+            twins.entry(name.as_str()).or_insert(of.as_str());
+        }
+    }
+    twins
+}
+
+fn look(material: &Material) -> String {
+    let Material { opacity, double_sided, look, .. } = material;
+    let sides = if *double_sided { ", double-sided" } else { "" };
+    let textures: Vec<&str> = ["base color", "metallic and roughness", "normal", "occlusion", "emissive"]
+        .into_iter()
+        .zip(look.textures)
+        .filter_map(|(name, has)| has.then_some(name))
+        .collect();
+    let textured = if textures.is_empty() { String::new() } else { format!(", textures: {}", textures.join(", ")) };
+    format!(
+        "of base color {:?}, metallic {}, roughness {}, emissive {:?}, {opacity:?}{sides}{textured}",
+        look.base_color, look.metallic, look.roughness, look.emissive
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::{cube, scene};
+    use super::*;
+    use crate::scene::Opacity;
+    use glam::DAffine3;
+
+    /// A cube for each material, and one of the default material.
+    fn of(materials: Vec<Material>) -> Scene {
+        let meshes = (0..=materials.len()).map(|i| cube(i as u32, (i < materials.len()).then_some(i as u32)));
+        let places: Vec<_> = (0..=materials.len()).map(|i| (i as u32, DAffine3::IDENTITY)).collect();
+        let mut scene = scene(meshes.collect(), &places);
+        scene.materials = materials;
+        scene
+    }
+
+    fn colored(name: Option<&str>, red: f64) -> Material {
+        let mut material = Material { name: name.map(Into::into), ..Material::default() };
+        material.look.base_color[0] = red;
+        material
+    }
+
+    fn kinds(materials: &Materials, side: usize, scene: &Scene) -> Vec<u32> {
+        let of = |instance| materials.kind(side, scene, TriangleRef { instance, triangle: 0 });
+        (0..scene.instances.len() as u32).map(of).collect()
+    }
+
+    #[test]
+    fn names_count_where_all_have_them() {
+        let scenes = [of(vec![colored(Some("a"), 0.1), colored(Some("b"), 0.2)]), of(vec![colored(Some("b"), 0.9)])];
+        let found = Materials::of([&scenes[0], &scenes[1]]);
+        assert!(found.are_named());
+        assert_eq!(kinds(&found, 0, &scenes[0]), [0, 1, 2]);
+        assert_eq!(kinds(&found, 1, &scenes[1]), [1, 2]);
+        assert_eq!([found.name(0), found.name(2)], ["`a`", "(none)"]);
+    }
+
+    #[test]
+    fn materials_of_the_input_that_differ_in_name_alone_may_be_joined() {
+        let twin = Material { same_as: Some(1), ..colored(Some("c"), 0.2) };
+        let scenes =
+            [of(vec![colored(Some("a"), 0.1), colored(Some("b"), 0.2), twin]), of(vec![colored(Some("c"), 0.2)])];
+        let found = Materials::of([&scenes[0], &scenes[1]]);
+        assert_eq!(kinds(&found, 0, &scenes[0]), [0, 1, 1, 2]);
+        assert_eq!(kinds(&found, 1, &scenes[1]), [1, 2]);
+    }
+
+    #[test]
+    fn looks_count_where_one_has_no_name() {
+        let scenes = [of(vec![colored(Some("a"), 0.1), colored(Some("b"), 0.2)]), of(vec![colored(None, 0.2)])];
+        let found = Materials::of([&scenes[0], &scenes[1]]);
+        assert!(!found.are_named());
+        assert_eq!(kinds(&found, 1, &scenes[1]), kinds(&found, 0, &scenes[0])[1..]);
+        assert!(found.name(0).starts_with("of base color [0.1, 1.0, 1.0, 1.0]"), "{}", found.name(0));
+    }
+
+    #[test]
+    fn all_that_makes_a_look_tells_materials_apart() {
+        let changes: [fn(&mut Material); 7] = [
+            |m| m.look.metallic = 0.0,
+            |m| m.look.roughness = 0.5,
+            |m| m.look.emissive[2] = 1.0,
+            |m| m.look.textures[0] = true,
+            |m| m.look.textures[4] = true,
+            |m| m.double_sided = true,
+            |m| m.opacity = Opacity::Mask { cutoff: 0.5 },
+        ];
+        let changed = changes.map(|change| {
+            let mut material = Material::default();
+            change(&mut material);
+            material
+        });
+        let scene = of(changed.to_vec());
+        assert_eq!(kinds(&Materials::of([&scene, &scene]), 0, &scene), (0..8).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_material_that_nothing_shows_needs_no_name() {
+        let mut scene = of(vec![colored(Some("a"), 0.1), Material::default()]);
+        scene.instances.remove(1);
+        scene.meshes[1].geometries.iter_mut().for_each(|g| g.material = None);
+        assert!(Materials::of([&scene, &scene]).are_named());
+    }
+}
