@@ -10,6 +10,7 @@ mod decide;
 pub mod model;
 mod passes;
 pub mod plans;
+pub(crate) mod segments;
 
 pub(crate) use candidate::as_built;
 
@@ -171,9 +172,10 @@ fn evaluate(
     let rays = rays::generate(scene, &Reference::new(&trees), options.effort.rays(), verify.seed);
     let blas_per = verify.build.blas_per;
     let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
+    let plans = segments::given(plans, &trees, &rays, &verify.weights);
     let mut laid: Vec<(&Plan, Laid, f64)> = Vec::new();
     let mut cache = Cache::default();
-    for plan in plans {
+    for plan in &plans {
         let start = Instant::now();
         let this = lay_out(&mut cache, scene, plan, verify.max_position_error_ratio);
         if !laid.iter().any(|(_, other, _)| other.is_same(&this)) {

@@ -1,5 +1,7 @@
 //! The layouts that `auto` looks at.
 
+use std::sync::Arc;
+
 use crate::layout::{Instances, Method, Options};
 
 /// How much time to spend, from 0 to 6.
@@ -45,6 +47,13 @@ pub(crate) struct Plan {
     pub(crate) options: Options,
 }
 
+impl Plan {
+    /// Whether it is laid out by what rays meet.
+    pub(crate) fn is_by_rays(&self) -> bool {
+        self.options.segments.is_some()
+    }
+}
+
 /// A plan that is looked at from some effort on.
 type Entry = (u8, &'static str, Method, fn(&mut Options));
 
@@ -53,7 +62,7 @@ const PROHIBITIVE: f64 = 1e9;
 
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.
-const PLANS: [Entry; 21] = [
+const PLANS: [Entry; 30] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
     (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
@@ -70,6 +79,8 @@ const PLANS: [Entry; 21] = [
     (3, "cluster, entry 15, instances chosen", Method::Cluster, |o| {
         (o.entry_cost, o.instances) = (15.0, Instances::Choose)
     }),
+    (3, "cluster by rays, entry 20", Method::Cluster, |o| by_rays(o, 20.0)),
+    (3, "cluster by rays, entry 8", Method::Cluster, |o| by_rays(o, 8.0)),
     (4, "per-object", Method::PerObject, |_| {}),
     (4, "bvh", Method::Bvh, |_| {}),
     (4, "cluster, entry 25", Method::Cluster, |o| o.entry_cost = 25.0),
@@ -77,13 +88,28 @@ const PLANS: [Entry; 21] = [
         (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.5))
     }),
     (4, "cluster, entry 15, isolated", Method::Cluster, |o| (o.entry_cost, o.isolate) = (15.0, true)),
+    (4, "cluster by rays, entry 12", Method::Cluster, |o| by_rays(o, 12.0)),
+    (4, "cluster by rays, entry 3", Method::Cluster, |o| by_rays(o, 3.0)),
+    (5, "cluster by rays, entry 5", Method::Cluster, |o| by_rays(o, 5.0)),
+    (5, "cluster by rays, entry 2, divided", Method::Cluster, |o| {
+        by_rays(o, 2.0);
+        o.divide = true;
+    }),
     (5, "cluster, entry 15, opacity split", Method::Cluster, |o| (o.entry_cost, o.split_opacity) = (15.0, true)),
     (5, "cluster, entry 2", Method::Cluster, |o| o.entry_cost = 2.0),
     (5, "cluster, entry 15, extent 0.125", Method::Cluster, |o| {
         (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.125))
     }),
     (6, "cluster, entry 80", Method::Cluster, |o| o.entry_cost = 80.0),
+    (6, "cluster by rays, entry 16", Method::Cluster, |o| by_rays(o, 16.0)),
+    (6, "cluster by rays, entry 25", Method::Cluster, |o| by_rays(o, 25.0)),
+    (6, "cluster by rays, entry 40", Method::Cluster, |o| by_rays(o, 40.0)),
 ];
+
+/// By rays still to be found (see [`super::segments`]); one group keeps what gains nothing by leaving it.
+fn by_rays(options: &mut Options, entry_cost: f64) {
+    (options.entry_cost, options.segments, options.divide) = (entry_cost, Some(Arc::default()), false);
+}
 
 /// The plans of an effort. Where the user bounds groups, only methods that heed the bounds remain, and the input.
 pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {

@@ -13,7 +13,7 @@ use super::tree::{Quality, Tree};
 use crate::scene::{Bounds, Mesh, Scene};
 
 /// A part of a line: `origin + t * along` for t from 0 to `length`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     origin: DVec3,
     along: DVec3,

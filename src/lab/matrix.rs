@@ -3,7 +3,8 @@
 use super::config::Config;
 use super::rows::{KindRow, Row};
 use crate::choose::model::{Class, Counts};
-use crate::choose::{Laid, lay_out};
+use crate::choose::plans::Plan;
+use crate::choose::{Laid, lay_out, segments};
 use crate::layout::{self, Cache};
 use crate::scene::Scene;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
@@ -28,10 +29,11 @@ pub(super) fn measure(
     class: Class,
     config: &Config,
 ) -> Result<Vec<Row>, String> {
-    let entries = lay_out_all(scene, config);
     let trees = TwoLevel::build(scene);
     let rays = rays::generate(scene, &Reference::new(&trees), config.counted_rays, config.verify.seed);
+    let plans = segments::given(&config.plans, &trees, &rays, &config.verify.weights);
     drop(trees);
+    let entries = lay_out_all(scene, &plans, config);
     let mut rows: Vec<Row> = entries.iter().map(|entry| predict(name, scene, entry, &rays, class)).collect();
 
     let scene_of = |i: usize| entries[i].laid.written(scene);
@@ -50,10 +52,10 @@ pub(super) fn measure(
     Ok(rows)
 }
 
-fn lay_out_all(scene: &mut Scene, config: &Config) -> Vec<Entry> {
+fn lay_out_all(scene: &mut Scene, plans: &[Plan], config: &Config) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     let mut cache = Cache::default();
-    for plan in &config.plans {
+    for plan in plans {
         let laid = lay_out(&mut cache, scene, plan, config.verify.max_position_error_ratio);
         match entries.iter_mut().find(|e| e.laid.is_same(&laid)) {
             Some(same) => same.names.push(plan.name.clone()),

@@ -26,8 +26,10 @@ pub use per_geometry::per_geometry;
 pub use stored::stored;
 
 use crate::cost::bytes;
+use crate::cost::segments::Segment;
 use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
 use glam::DAffine3;
+use std::sync::Arc;
 
 /// A whole assignment of a scene's triangles to mesh groups and instances.
 #[derive(Clone, Debug, Default)]
@@ -187,6 +189,11 @@ pub struct Options {
     pub one_geometry_a_group: bool,
     /// `cluster`, [`Instances::Choose`]: what it costs to enter an instance, in steps from node to node.
     pub entry_cost: f64,
+    /// `cluster`: rays as far as they go, in the world; groups are chosen by which boxes these meet. `None`, or none: by
+    /// the areas of boxes.
+    pub segments: Option<Arc<[Segment]>>,
+    /// `cluster`: whether what stays in one frame may be divided where no bound asks for it.
+    pub divide: bool,
     /// `cluster`: whether groups may be stored in frames of their own.
     pub frames: bool,
     /// `cluster`: a part of fewer triangles gets no frame of its own.
@@ -216,6 +223,8 @@ impl Default for Options {
             split_opacity: false,
             one_geometry_a_group: false,
             entry_cost: crate::cost::two_level::INSTANCE_ENTRY,
+            segments: None,
+            divide: true,
             frames: true,
             min_turned_triangles: 16,
             max_group_triangles: None,

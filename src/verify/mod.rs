@@ -19,7 +19,7 @@ pub mod speed;
 pub mod structure;
 mod surface;
 #[cfg(test)]
-mod test_scenes;
+pub(crate) mod test_scenes;
 #[cfg(test)]
 mod tests;
 mod tracing;

@@ -62,7 +62,7 @@ pub(super) fn cube(source: u32, material: Option<u32>) -> Mesh {
 }
 
 /// A room (a cube seen from inside) with five cubes of two materials in it.
-pub(super) fn room() -> Scene {
+pub(crate) fn room() -> Scene {
     let mut walls = cube(0, Some(0));
     for t in &mut walls.geometries[0].triangles {
         t.swap(1, 2);

@@ -1,13 +1,17 @@
 //! What all cuts of the same triangles have in common.
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
+use std::rc::Rc;
+use std::sync::Arc;
 
 use super::facts::{self, Facts, Own};
+use super::met::Met;
 use super::programme::{self, Group, Known};
 use super::refit::Refit;
 use super::soup::{Soup, Turned};
 use super::units::{self, Unit};
 use super::{Limits, PROHIBITIVE, WORTH_TURNING};
+use crate::cost::segments::Segment;
 use crate::cost::tree::{Quality, Tree};
 use crate::layout::builder::Object;
 use crate::layout::frames::{self, Search};
@@ -24,6 +28,16 @@ pub(super) struct Ground {
     turns: bool,
     /// Found when it is needed first.
     parts: OnceCell<Parts>,
+    /// By the rays that were asked for last.
+    rays: RefCell<Option<ByRays>>,
+}
+
+/// What is known of the tree by rays.
+#[derive(Clone)]
+struct ByRays {
+    segments: Arc<[Segment]>,
+    facts: Rc<[Facts]>,
+    parts: Option<Rc<Parts>>,
 }
 
 /// What may leave.
@@ -51,7 +65,7 @@ impl Ground {
             }
         };
         let facts = facts::facts(&soup, &tree, &base);
-        Some(Ground { soup, base, boxes, tree, facts, turns: frames, parts: OnceCell::new() })
+        Some(Ground { soup, base, boxes, tree, facts, turns: frames, parts: OnceCell::new(), rays: RefCell::default() })
     }
 
     /// The box around all triangles.
@@ -68,27 +82,50 @@ impl Ground {
         self.turns.then(|| self.parts.get_or_init(find))
     }
 
-    /// The groups of least cost: of the tree as it is, or of what the units leave of it.
-    pub(super) fn cut(&self, limits: &Limits) -> Vec<Group> {
+    /// The groups of least cost: of the tree as it is, or of what the units leave of it. Costs are by what `segments` of
+    /// rays meet, where there are any.
+    pub(super) fn cut(&self, limits: &Limits, segments: Option<&Arc<[Segment]>>) -> Vec<Group> {
         let triangles = self.facts.first().map_or(0, |root| root.triangles);
         if limits.entry_cost >= PROHIBITIVE && limits.allow(triangles, self.extent()) {
             return vec![Group { items: self.tree.order.clone(), frame: self.base }];
         }
-        let none = if self.turns { Vec::new() } else { vec![None; self.facts.len()] };
-        let own = self.parts().map_or(&none, |parts| &parts.own);
-        let known = Known { tree: &self.tree, facts: &self.facts, own, base: self.base };
+        let by_rays = segments.map(|segments| self.by_rays(segments));
+        let (facts, parts) = match &by_rays {
+            Some(rays) => (&*rays.facts, rays.parts.as_deref()),
+            None => (self.facts.as_slice(), self.parts()),
+        };
+        let none = if parts.is_none() { vec![None; facts.len()] } else { Vec::new() };
+        let own = parts.map_or(&none, |parts| &parts.own);
+        let known = Known { tree: &self.tree, facts, own, base: self.base };
         let (groups, cost) = programme::cut(&known, limits);
         let peeled = limits.max_extent.is_infinite().then(|| programme::peel(&known, limits)).flatten();
-        let others = [self.cut_without_units(limits), peeled];
+        let segments = segments.map_or(&[][..], |segments| segments);
+        let without_units = parts.and_then(|parts| self.cut_without_units(&parts.units, limits, segments));
+        let others = [without_units, peeled];
         others.into_iter().flatten().fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best }).0
     }
 
+    /// What is known of the tree, by rays.
+    fn by_rays(&self, segments: &Arc<[Segment]>) -> ByRays {
+        let last = self.rays.take().filter(|last| Arc::ptr_eq(&last.segments, segments));
+        let found = last.unwrap_or_else(|| {
+            let met = Met::new(&self.soup, &self.tree, &self.boxes, &self.facts, &self.base, segments);
+            let parts = self.parts().map(|parts| {
+                let shares = units::shares(&self.soup, &self.tree, met.facts());
+                let units = met.units(&parts.units, &shares, &self.soup, segments);
+                Rc::new(Parts { own: met.own(&parts.own), units })
+            });
+            ByRays { segments: segments.clone(), facts: met.into_facts().into(), parts }
+        });
+        self.rays.replace(Some(found.clone()));
+        found
+    }
+
     /// The groups where every unit leaves that costs less so, and their cost; `None` where none does.
-    fn cut_without_units(&self, limits: &Limits) -> Option<(Vec<Group>, f64)> {
+    fn cut_without_units(&self, units: &[Unit], limits: &Limits, segments: &[Segment]) -> Option<(Vec<Group>, f64)> {
         let price = |unit: &Unit| limits.leaving_cost() * unit.own.loose + unit.own.inside;
         let is_large = |unit: &Unit| unit.items.len() >= limits.min_turned as usize;
-        let is_allowed = |unit: &Unit| is_large(unit) && limits.allow(unit.items.len() as u32, unit.extent);
-        let units = &self.parts()?.units;
+        let is_allowed = |unit: &Unit| is_large(unit) && limits.allow(unit.items.len() as u32, unit.extent());
         let leaving: Vec<&Unit> = units.iter().filter(|u| is_allowed(u) && price(u) < u.share).collect();
         let mut stays = vec![true; self.soup.len()];
         leaving.iter().flat_map(|unit| &unit.items).for_each(|&t| stays[t as usize] = false);
@@ -100,19 +137,24 @@ impl Ground {
         }
         let rest: Vec<u32> = (0..self.soup.len() as u32).filter(|&t| stays[t as usize]).collect();
         if !rest.is_empty() {
-            let (others, of_rest) = self.cut_rest(&rest, limits);
+            let (others, of_rest) = self.cut_rest(&rest, limits, segments);
             groups.splice(0..0, others);
             cost += of_rest;
         }
         Some((groups, cost))
     }
 
-    fn cut_rest(&self, rest: &[u32], limits: &Limits) -> (Vec<Group>, f64) {
+    fn cut_rest(&self, rest: &[u32], limits: &Limits, segments: &[Segment]) -> (Vec<Group>, f64) {
         let boxes: Vec<Bounds> = rest.iter().map(|&t| self.boxes[t as usize]).collect();
         let mut tree = Tree::build(&boxes, Quality::Medium);
         tree.order.iter_mut().for_each(|i| *i = rest[*i as usize]);
-        let facts = facts::facts(&self.soup, &tree, &self.base);
-        let own = facts::own_frames(&self.soup, &tree, &facts, &self.base);
+        let mut facts = facts::facts(&self.soup, &tree, &self.base);
+        let mut own = facts::own_frames(&self.soup, &tree, &facts, &self.base);
+        if !segments.is_empty() {
+            let met = Met::new(&self.soup, &tree, &self.boxes, &facts, &self.base, segments);
+            own = met.own(&own);
+            facts = met.into_facts();
+        }
         programme::cut(&Known { tree: &tree, facts: &facts, own: &own, base: self.base }, limits)
     }
 }

@@ -8,6 +8,7 @@
 
 mod facts;
 mod ground;
+mod met;
 mod programme;
 mod refit;
 mod soup;
@@ -45,6 +46,8 @@ struct Limits {
     min_turned: u32,
     max_triangles: u32,
     max_extent: f64,
+    /// Whether a group may be divided without a bound that asks for it.
+    divide: bool,
 }
 
 impl Limits {
@@ -52,6 +55,7 @@ impl Limits {
         Limits {
             entry_cost: options.entry_cost,
             min_turned: options.min_turned_triangles,
+            divide: options.divide,
             max_triangles: options.max_group_triangles.unwrap_or(u32::MAX),
             max_extent: options.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
         }
@@ -109,6 +113,7 @@ const SAMPLES: usize = 1 << 16;
 /// The groups of least predicted cost.
 pub(super) fn cluster(scene: &Scene, options: &Options, cache: &mut Cache) -> Layout {
     let cache = std::cell::RefCell::new(cache);
+    let segments = options.segments.as_ref().filter(|segments| !segments.is_empty());
     bake_within_limits(scene, options, |bake| {
         let mut layout = Builder::new(scene);
         bake.place_left(&mut layout);
@@ -116,7 +121,7 @@ pub(super) fn cluster(scene: &Scene, options: &Options, cache: &mut Cache) -> La
         let parts = parts(scene, &baked, options);
         for part in &parts {
             let ground = cache.borrow_mut().ground(scene, &part.objects, options);
-            let groups = ground.as_ref().map_or(Vec::new(), |g| g.cut(&Limits::of(options, g.extent())));
+            let groups = ground.as_ref().map_or(Vec::new(), |g| g.cut(&Limits::of(options, g.extent()), segments));
             let whole = groups.is_empty() || (groups.len() == 1 && groups[0].frame == Turned::NOT);
             match (ground, whole, parts.len()) {
                 (Some(ground), false, _) => push(scene, &part.objects, &ground.soup, &groups, &mut layout),

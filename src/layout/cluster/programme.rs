@@ -164,7 +164,10 @@ fn decide(known: &Known, limits: &Limits) -> Vec<Decision> {
         let leaves = own.map_or(f64::INFINITY, |own| limits.leaving_cost() * own.loose + own.inside);
         // A leaf cannot be divided, and is a group whatever its size.
         let group = if allowed || children.is_none() { limits.entry_cost * fact.loose + stays } else { f64::INFINITY };
-        let divided = children.map_or(f64::INFINITY, |[a, b]| TRAVERSAL * fact.world_area + a.outside + b.outside);
+        let may_divide = limits.divide || !allowed;
+        let divided = children
+            .filter(|_| may_divide)
+            .map_or(f64::INFINITY, |[a, b]| TRAVERSAL * fact.world_area + a.outside + b.outside);
         let outside = leaves.min(group).min(divided);
         let at_top = match outside {
             cost if cost == group => AtTop::Group,

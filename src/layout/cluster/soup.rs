@@ -1,6 +1,6 @@
 //! The triangles of a scene that may be grouped at will, placed, whatever object they belong to.
 
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::layout::builder::Object;
@@ -12,6 +12,9 @@ pub(super) struct Soup {
     /// Which triangles.
     pub(super) refs: Vec<TriangleRef>,
     corners: Vec<[Vec3; 3]>,
+    /// Where corners are seen from, in the world, and how much larger they are seen.
+    middle: DVec3,
+    unit: f64,
     /// The first triangle of every object, and the number of all triangles.
     pub(super) objects: Vec<u32>,
 }
@@ -22,7 +25,7 @@ impl Soup {
         let bounds = scene.bounds();
         let (middle, unit) = (bounds.center(), 2.0 / bounds.diagonal());
         let unit = if unit.is_finite() { unit } else { 1.0 };
-        let mut soup = Soup { refs: Vec::new(), corners: Vec::new(), objects: vec![0] };
+        let mut soup = Soup { refs: Vec::new(), corners: Vec::new(), middle, unit, objects: vec![0] };
         for object in objects {
             soup.refs.extend(object.triangles(scene));
             soup.objects.push(soup.refs.len() as u32);
@@ -45,6 +48,12 @@ impl Soup {
     /// Corners as they are stored, for telling whether two triangles share one.
     pub(super) fn stored(&self, triangle: u32) -> &[Vec3; 3] {
         &self.corners[triangle as usize]
+    }
+
+    /// Takes what is in the world to where it is seen in a frame.
+    pub(super) fn seen_in(&self, frame: &Turned) -> DAffine3 {
+        let matrix3 = frame.into * self.unit;
+        DAffine3 { matrix3, translation: -(matrix3 * self.middle) }
     }
 
     /// The box of a triangle in a frame.
@@ -83,6 +92,6 @@ impl Turned {
 
     /// World box of a box in this frame, as a driver computes it.
     pub(super) fn out(&self, bounds: &Bounds) -> Bounds {
-        bounds.transformed(&glam::DAffine3 { matrix3: self.rotation, translation: DVec3::ZERO })
+        bounds.transformed(&DAffine3 { matrix3: self.rotation, translation: DVec3::ZERO })
     }
 }

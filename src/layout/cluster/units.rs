@@ -19,13 +19,14 @@ const FEWEST: usize = 8;
 const MOST: usize = 1 << 16;
 
 /// A unit that fits clearly better in a frame of its own.
+#[derive(Clone, Debug)]
 pub(super) struct Unit {
     pub(super) items: Vec<u32>,
     pub(super) own: Own,
     /// Its share of the cost of the tree over all triangles.
     pub(super) share: f64,
-    /// Longest side of its box in the world.
-    pub(super) extent: f64,
+    /// Its box in the world.
+    pub(super) world: Bounds,
 }
 
 /// The units that cost more within the tree than in a frame of their own, entries not counted.
@@ -35,9 +36,16 @@ pub(super) fn units(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned) ->
         let share = items.iter().map(|&t| shares[t as usize]).sum();
         let (items, own) = own_frame(soup, items, base).filter(|(_, own)| own.inside < share)?;
         let world = items.iter().fold(Bounds::EMPTY, |all, &t| all.union(&soup.bounds_in(&Turned::NOT, t)));
-        Some(Unit { items, own, share, extent: world.size().max_element() })
+        Some(Unit { items, own, share, world })
     };
     candidates(soup).into_par_iter().filter_map(unit).collect()
+}
+
+impl Unit {
+    /// Longest side of its box in the world.
+    pub(super) fn extent(&self) -> f64 {
+        self.world.size().max_element()
+    }
 }
 
 /// Connected components where objects consist of several, else objects.
@@ -48,7 +56,7 @@ fn candidates(soup: &Soup) -> Vec<Vec<u32>> {
 }
 
 /// For every triangle its share of the cost of a tree: of each node above it an equal part.
-fn shares(soup: &Soup, tree: &Tree, facts: &[Facts]) -> Vec<f64> {
+pub(super) fn shares(soup: &Soup, tree: &Tree, facts: &[Facts]) -> Vec<f64> {
     let mut above = vec![0.0; tree.nodes.len()];
     let mut shares = vec![0.0; soup.len()];
     for (at, node) in tree.nodes.iter().enumerate() {
