@@ -30,7 +30,7 @@ impl Effort {
 
     /// Layouts measured on a device, besides the input and the single BLAS.
     pub(super) fn measured(self) -> usize {
-        [1, 1, 4, 9, 12, 16, usize::MAX][usize::from(self.0)]
+        [1, 1, 4, 10, 14, 18, usize::MAX][usize::from(self.0)]
     }
 
     /// Rays of each kind by which layouts are ranked.
@@ -56,6 +56,9 @@ impl Plan {
 
 /// A plan that is looked at from some effort on.
 type Entry = (u8, &'static str, Method, fn(&mut Options));
+
+/// From this effort on groups are improved by local search.
+const SEARCHED: Effort = Effort(4);
 
 /// An entry that no group is worth, so that all triangles stay in one, in the frame that fits best.
 const PROHIBITIVE: f64 = 1e9;
@@ -116,7 +119,7 @@ pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
     let bounded = options.max_group_triangles.is_some() || options.max_group_extent_ratio.is_some();
     let heeds = |entry: &&Entry| !bounded || matches!(entry.2, Method::Keep | Method::Cluster);
     let plan = |&(_, name, method, tell): &Entry| {
-        let mut told = options.clone();
+        let mut told = Options { search: effort >= SEARCHED, ..options.clone() };
         tell(&mut told);
         let extents = [told.max_group_extent_ratio, options.max_group_extent_ratio];
         told.max_group_extent_ratio = extents.into_iter().flatten().reduce(f64::min);

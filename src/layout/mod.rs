@@ -194,6 +194,8 @@ pub struct Options {
     pub segments: Option<Arc<[Segment]>>,
     /// `cluster`: whether what stays in one frame may be divided where no bound asks for it.
     pub divide: bool,
+    /// `cluster`: whether groups are improved by local search.
+    pub search: bool,
     /// `cluster`: whether groups may be stored in frames of their own.
     pub frames: bool,
     /// `cluster`: a part of fewer triangles gets no frame of its own.
@@ -225,6 +227,7 @@ impl Default for Options {
             entry_cost: crate::cost::two_level::INSTANCE_ENTRY,
             segments: None,
             divide: true,
+            search: true,
             frames: true,
             min_turned_triangles: 16,
             max_group_triangles: None,

@@ -8,6 +8,7 @@ use super::facts::{self, Facts, Own};
 use super::met::Met;
 use super::programme::{self, Group, Known};
 use super::refit::Refit;
+use super::search;
 use super::soup::{Soup, Turned};
 use super::units::{self, Unit};
 use super::{Limits, PROHIBITIVE, WORTH_TURNING};
@@ -102,7 +103,9 @@ impl Ground {
         let segments = segments.map_or(&[][..], |segments| segments);
         let without_units = parts.and_then(|parts| self.cut_without_units(&parts.units, limits, segments));
         let others = [without_units, peeled];
-        others.into_iter().flatten().fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best }).0
+        let all = others.into_iter().flatten();
+        let (groups, _) = all.fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best });
+        if limits.search { search::improve(&self.soup, groups, limits) } else { groups }
     }
 
     /// What is known of the tree, by rays.

@@ -11,6 +11,7 @@ mod ground;
 mod met;
 mod programme;
 mod refit;
+mod search;
 mod soup;
 #[cfg(test)]
 mod tests;
@@ -48,6 +49,8 @@ struct Limits {
     max_extent: f64,
     /// Whether a group may be divided without a bound that asks for it.
     divide: bool,
+    /// Whether groups are improved by local search.
+    search: bool,
 }
 
 impl Limits {
@@ -56,6 +59,7 @@ impl Limits {
             entry_cost: options.entry_cost,
             min_turned: options.min_turned_triangles,
             divide: options.divide,
+            search: options.search,
             max_triangles: options.max_group_triangles.unwrap_or(u32::MAX),
             max_extent: options.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
         }
