@@ -366,7 +366,8 @@ mod tests {
         let turned = Turned::by(DMat3::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.5));
         let frame = |i: u32| if i.is_multiple_of(3) { turned } else { Turned::NOT };
         let groups = || (0..40).map(|i| Group { frame: frame(i), ..group(8 * i..8 * i + 8) }).collect::<Vec<_>>();
-        for (entry_cost, share) in [(0.5, 1.0), (2.0, 1.0), (8.0, 0.9)] {
+        let mut joined = false;
+        for entry_cost in [0.5, 2.0, 8.0, 100.0] {
             let limits = limits(entry_cost);
             let search = Search { soup: &soup, limits: &limits };
             let cost = |groups: Vec<Group>| -> f64 {
@@ -377,8 +378,10 @@ mod tests {
             all.sort_unstable();
             assert_eq!(all, (0..320).collect::<Vec<_>>());
             let [before, after] = [cost(groups()), cost(better)];
-            assert!(after <= (share + 1e-12) * before, "{after} {before}");
+            joined |= after < 0.999 * before;
+            assert!(after <= (1.0 + 1e-12) * before, "{after} {before}");
         }
+        assert!(joined, "nothing was ever better");
     }
 
     #[test]
