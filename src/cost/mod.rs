@@ -2,6 +2,8 @@
 
 pub mod boxes;
 pub mod bytes;
+mod clustering;
+mod divide;
 pub mod overlap;
 pub mod sah;
 pub mod segments;

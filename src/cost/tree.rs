@@ -2,18 +2,16 @@
 //!
 //! D. Meister, J. Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction", IEEE
 //! TVCG 24(3), 2018, with D. Meister, J. Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy Optimization",
-//! Computer Graphics Forum 37(2), 2018, as the crate `obvhs` builds them, in one thread, so that equal input gives
-//! an equal tree. The tree holds no boxes: [`Tree::refit`] computes them in whatever frame and precision is wanted.
-
-use std::time::Duration;
+//! Computer Graphics Forum 37(2), 2018, as the crate `obvhs` builds them. Equal input gives an equal tree. The tree holds no boxes: [`Tree::refit`] computes them in whatever frame and precision is wanted.
 
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
 use obvhs::{Boundable, BvhBuildParams};
 use rayon::prelude::*;
 
+use super::clustering;
+use super::divide::divide;
 use crate::scene::Bounds;
 
 /// How much time to spend on a tree.
@@ -78,7 +76,9 @@ pub struct Tree {
     pub order: Vec<u32>,
 }
 
-struct Boxed(Aabb);
+/// A box as the builder takes it.
+#[derive(Clone, Copy)]
+pub(super) struct Boxed(pub(super) Aabb);
 
 impl Boundable for Boxed {
     fn aabb(&self) -> Aabb {
@@ -91,17 +91,23 @@ impl Tree {
     ///
     /// Departs from the papers where many boxes share one Morton cell (equal triangles, or a far outlier that
     /// squeezes the rest of the scene into a few cells): clustering such boxes takes quadratic time, so that they
-    /// enter the tree as one item and become a tree of their own, scaled to their own extent. So do the parts of very
-    /// many boxes, which takes less memory and all threads.
+    /// enter the tree as one item and become a tree of their own, scaled to their own extent. Very many boxes are divided
+    /// into parts from the top down ([`divide`]), which takes less memory and all threads.
     pub fn build(boxes: &[Bounds], quality: Quality) -> Tree {
-        build_over(boxes, (0..boxes.len() as u32).collect(), quality)
+        build_members((0..boxes.len() as u32).collect(), quality, &|i| boxes[i as usize])
     }
 
     /// Builds a tree over those boxes that are not empty and small enough for areas to be finite; item `i` is
     /// `boxes[i]`, and `order` lacks the others.
     pub fn build_usable(boxes: &[Bounds], quality: Quality) -> Tree {
-        let usable = |b: &Bounds| !b.is_empty() && b.min.abs().max(b.max.abs()).max_element() < LARGEST;
-        build_over(boxes, (0..boxes.len() as u32).filter(|&i| usable(&boxes[i as usize])).collect(), quality)
+        Tree::build_from(boxes.len(), quality, &|i| boxes[i as usize])
+    }
+
+    /// As [`Tree::build_usable`], of boxes that are computed, several times each, when they are needed.
+    pub fn build_from(count: usize, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
+        let usable = |b: Bounds| !b.is_empty() && b.min.abs().max(b.max.abs()).max_element() < LARGEST;
+        let members = (0..count as u32).into_par_iter().filter(|&i| usable(bounds(i))).collect();
+        build_members(members, quality, bounds)
     }
 
     /// The items below a node, as a range of [`Tree::order`].
@@ -162,14 +168,14 @@ impl Tree {
 
 /// More boxes than this in one Morton cell are clustered apart.
 const CROWD: usize = 64;
-/// More boxes than this are clustered in parts.
-const PART: usize = 1 << 22;
+/// More boxes than this are built in parts: the builder takes about 150 bytes a box.
+const PART: usize = 1 << 20;
 /// Coordinates below this have finite products.
 const LARGEST: f64 = 1e150;
 
 /// What a tree is clustered over: boxes, and after them trees of many boxes.
-struct Items<'a> {
-    boxes: &'a [Bounds],
+struct Items {
+    boxes: Vec<Bounds>,
     ones: Vec<u32>,
     crowds: Vec<Tree>,
     crowd_bounds: Vec<Bounds>,
@@ -182,22 +188,50 @@ enum Part<'a> {
     Crowd(&'a Tree, usize),
 }
 
-impl Items<'_> {
+impl Items {
     /// The tree of many boxes that item `i` is, if it is not one box.
     fn crowd(&self, i: u32) -> Option<&Tree> {
         (i as usize).checked_sub(self.ones.len()).map(|crowd| &self.crowds[crowd])
     }
 
     fn bounds(&self) -> impl Iterator<Item = &Bounds> {
-        self.ones.iter().map(|&i| &self.boxes[i as usize]).chain(&self.crowd_bounds)
+        self.boxes.iter().chain(&self.crowd_bounds)
     }
+}
+
+/// The tree over some items, in parts where there are very many.
+fn build_members(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
+    let of_part = |part: Vec<u32>| {
+        let boxes: Vec<Bounds> = part.iter().map(|&i| bounds(i)).collect();
+        let mut tree = build_over(&boxes, (0..boxes.len() as u32).collect(), quality);
+        tree.order.iter_mut().for_each(|i| *i = part[*i as usize]);
+        tree
+    };
+    divide(members, PART, bounds, &of_part, &joined)
+}
+
+/// A node above two trees that are not empty.
+fn joined(left: Tree, right: Tree) -> Tree {
+    let (of_left, items) = (left.nodes.len() as u32, left.order.len() as u32);
+    let moved = |node: &Node, inner: u32, leaf: u32| match node.is_leaf() {
+        true => Node { first: node.first + leaf, ..*node },
+        false => Node { first: node.first + inner, ..*node },
+    };
+    // The roots come next to each other: what is below the left one moves by two, below the right one by all of the left
+    // and one.
+    let mut nodes = Vec::with_capacity(1 + left.nodes.len() + right.nodes.len());
+    nodes.push(Node { first: 1, count: 0 });
+    nodes.push(moved(&left.nodes[0], 2, 0));
+    nodes.push(moved(&right.nodes[0], of_left + 1, items));
+    nodes.extend(left.nodes[1..].iter().map(|node| moved(node, 2, 0)));
+    nodes.extend(right.nodes[1..].iter().map(|node| moved(node, of_left + 1, items)));
+    let mut order = left.order;
+    order.extend(right.order);
+    Tree { nodes, order }
 }
 
 /// The tree over some of the boxes.
 fn build_over(boxes: &[Bounds], members: Vec<u32>, quality: Quality) -> Tree {
-    if members.len() > PART {
-        return join_crowds(boxes, Vec::new(), parts(boxes, members, PART), quality);
-    }
     let (ones, crowds) = crowded_cells(boxes, &members);
     if ones.is_empty() && crowds.len() == 1 {
         return halved(members, quality.equal_leaf());
@@ -211,27 +245,8 @@ fn join_crowds(boxes: &[Bounds], ones: Vec<u32>, crowds: Vec<Vec<u32>>, quality:
     let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
     let crowd_bounds = crowds.iter().map(around).collect();
     let crowds = crowds.into_par_iter().map(|crowd| build_over(boxes, crowd, quality)).collect();
+    let boxes = ones.iter().map(|&i| boxes[i as usize]).collect();
     cluster(&Items { boxes, ones, crowds, crowd_bounds }, quality)
-}
-
-/// Halves members along the longest axis of their centroids until no part is too large, so that parts are clustered
-/// side by side and memory stays within that of a few.
-fn parts(boxes: &[Bounds], members: Vec<u32>, largest: usize) -> Vec<Vec<u32>> {
-    if members.len() <= largest {
-        return vec![members];
-    }
-    let center = |i: u32| boxes[i as usize].center();
-    let extent = Bounds::of(members.iter().map(|&i| center(i))).size();
-    let axis = extent.max_position();
-    let mut left = members;
-    let middle = left.len() / 2;
-    left.select_nth_unstable_by(middle, |&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
-    let mut right = left.split_off(middle);
-    left.sort_unstable();
-    right.sort_unstable();
-    let (mut left, right) = rayon::join(|| parts(boxes, left, largest), || parts(boxes, right, largest));
-    left.extend(right);
-    left
 }
 
 /// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
@@ -279,7 +294,7 @@ fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
 
 /// The tree of locally ordered clustering, with the trees of crowds grafted in.
 fn cluster(items: &Items, quality: Quality) -> Tree {
-    let bvh = build_bvh2(&in_unit_cube(items), quality.params(), &mut Duration::default());
+    let bvh = clustering::build(&in_unit_cube(items), &quality.params());
     let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.ones.len()) };
     if bvh.nodes.is_empty() {
         return tree;
@@ -439,20 +454,23 @@ mod tests {
     }
 
     #[test]
-    fn parts_join_to_a_tree_nearly_as_good_as_one_built_whole() {
-        let at = |i: u32| dvec3(f64::from(i * 7919 % 101), f64::from(i * 104_729 % 97), f64::from(i % 31));
-        let boxes = unit_boxes((0..20_000).map(at));
-        let members: Vec<u32> = (0..boxes.len() as u32).collect();
-        let parts = parts(&boxes, members.clone(), 3000);
-        assert_eq!((parts.len(), parts.iter().map(Vec::len).max()), (8, Some(2500)));
-        let joined = join_crowds(&boxes, vec![], parts, Quality::Medium);
-        assert_each_item_once(&joined, boxes.len());
-        let whole = build_over(&boxes, members, Quality::Medium);
-        let cost = |tree| crate::cost::sah::cost(tree, &boxes);
-        assert!(cost(&joined) < 1.1 * cost(&whole), "{} for {}", cost(&joined), cost(&whole));
-        let equal = vec![boxes[0]; 1000];
-        let halves = super::parts(&equal, (0..1000).collect(), 300);
-        assert_each_item_once(&join_crowds(&equal, vec![], halves, Quality::Instances), 1000);
+    fn two_trees_join_below_one_root() {
+        let boxes = unit_boxes((0..5000).map(|i| dvec3(f64::from(i * 7919 % 101), f64::from(i % 97), 0.0)));
+        let half = |range: std::ops::Range<usize>| {
+            let mut tree = Tree::build(&boxes[range.clone()], Quality::Medium);
+            tree.order.iter_mut().for_each(|i| *i += range.start as u32);
+            tree
+        };
+        let (left, right) = (half(0..1234), half(1234..5000));
+        let tree = joined(left.clone(), right.clone());
+        assert_each_item_once(&tree, boxes.len());
+        assert_eq!(tree.items_below(1), 0..1234);
+        assert_eq!(tree.order, [left.order.clone(), right.order.clone()].concat());
+        let costs = [&left, &right].map(|t| t.bounds(&boxes).iter().map(Bounds::area).sum::<f64>());
+        let all = tree.bounds(&boxes);
+        assert_eq!(all[0], boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b)));
+        let below: f64 = all[1..].iter().map(Bounds::area).sum();
+        assert!((below / (costs[0] + costs[1]) - 1.0).abs() < 1e-12);
     }
 
     #[test]
