@@ -6,10 +6,11 @@ use std::time::Instant;
 use raykiln_formats::Document;
 use serde_json::Value;
 
-use super::{BakeOptions, measure_as_built};
+use super::{BakeOptions, measure_with};
 use crate::choose::Choice;
 use crate::copies::{self, Copies, Likeness};
 use crate::cost::Metrics;
+use crate::cost::mesh_trees::MeshTrees;
 use crate::report::Pass;
 use crate::report::text::bytes;
 use crate::scene::Scene;
@@ -51,6 +52,7 @@ const LEAST_SAVED_BYTES: u64 = 64 << 10;
 pub(super) fn share(
     doc: &Document,
     scene: &mut Scene,
+    trees: &MeshTrees,
     before: &Metrics,
     options: &BakeOptions,
 ) -> (Metrics, Option<Pass>) {
@@ -60,7 +62,7 @@ pub(super) fn share(
     let found = copies::find(doc, scene, &limits);
     let (metrics, applied, reason) = match found.list.as_slice() {
         [] => (before.clone(), false, "no two meshes are alike".to_owned()),
-        _ => apply(doc, scene, before, &found, options),
+        _ => apply(doc, scene, trees, before, &found, options),
     };
     (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
 }
@@ -68,6 +70,7 @@ pub(super) fn share(
 fn apply(
     doc: &Document,
     scene: &mut Scene,
+    trees: &MeshTrees,
     before: &Metrics,
     found: &Copies,
     options: &BakeOptions,
@@ -79,7 +82,7 @@ fn apply(
     };
     let blas_per = options.verify.build.blas_per;
     copies::apply(scene, found);
-    let metrics = measure_as_built(scene, blas_per);
+    let metrics = measure_with(scene, trees, blas_per);
     if metrics.two_level_cost > MOST_COST_RATIO * before.two_level_cost {
         copies::undo(scene);
         let (with, without) = (metrics.two_level_cost, before.two_level_cost);

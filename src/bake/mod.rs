@@ -13,6 +13,7 @@ use raykiln_formats::document::Staged;
 use raykiln_formats::{Document, Warning};
 
 use crate::choose::{self, ChooseOptions};
+use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::{self, Metrics};
 use crate::emit;
 use crate::layout::{self, Layout, Method};
@@ -72,21 +73,22 @@ pub fn bake(
 
     clock.enter(Stage::Analyse);
     let blas_per = options.verify.build.blas_per;
-    let before = measure_as_built(&scene, blas_per);
+    let trees = MeshTrees::build(&scene);
+    let before = measure_with(&scene, &trees, blas_per);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
-    let (shared, copies) = copies::share(&doc, &mut scene, &before, options);
-    let mut chosen = choose::choose(&mut scene, [&before, &shared], &machine, &options.choose, &options.verify);
+    let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
+    let mut chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    let mut tried = Tried::new(&doc, &mut scene, &chosen.layout, output, &machine, options, &mut clock)?;
+    let mut tried = Tried::new(&doc, &mut scene, &trees, &chosen.layout, output, &machine, options, &mut clock)?;
     if tried.verdict == Verdict::NotFaster && chosen.measured && !emit::is_unchanged(&chosen.layout) {
         chosen = chosen.left_alone(&scene);
         drop(tried);
-        tried = Tried::new(&doc, &mut scene, &chosen.layout, output, &machine, options, &mut clock)?;
+        tried = Tried::new(&doc, &mut scene, &trees, &chosen.layout, output, &machine, options, &mut clock)?;
     }
-    let Tried { written, after: after_scene, verification, verdict } = tried;
+    let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
-    let after = if written.unchanged { before.clone() } else { measure_as_built(&after_scene, blas_per) };
+    let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
 
     let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
     let notes = [chosen.layout.notes, written.notes, verification.notes.clone(), profiles].concat();
@@ -128,8 +130,13 @@ pub fn measure_as_is(scene: &Scene) -> Metrics {
 
 /// The metrics of a scene as it stands and as its consumer builds it.
 pub fn measure_as_built(scene: &Scene, per: BlasPer) -> Metrics {
+    measure_with(scene, &MeshTrees::default(), per)
+}
+
+/// As [`measure_as_built`], where trees of the scene's meshes are known.
+pub(crate) fn measure_with(scene: &Scene, trees: &MeshTrees, per: BlasPer) -> Metrics {
     let layout = layout::run(Method::Keep, scene, &layout::Options::default());
-    cost::measure(scene, &choose::as_built(scene, &layout, per))
+    cost::measure_with(scene, &choose::as_built(scene, &layout, per), trees)
 }
 
 /// Where metrics are those of one BLAS a primitive, what the two scenes would cost with one a mesh.
@@ -154,6 +161,8 @@ struct Tried {
     written: Written,
     /// The scene that was read back.
     after: Scene,
+    /// The trees of its meshes.
+    trees: MeshTrees,
     verification: Verification,
     verdict: Verdict,
 }
@@ -163,6 +172,7 @@ impl Tried {
     fn new(
         doc: &Document,
         scene: &mut Scene,
+        trees: &MeshTrees,
         layout: &Layout,
         output: &Path,
         machine: &Machine,
@@ -173,8 +183,11 @@ impl Tried {
         let written = write(doc, scene, layout, output, options.prune)?;
         crate::copies::undo(scene);
         clock.enter(Stage::Verify);
-        let (after, verification, verdict) = verify_staged(scene, &written, output, machine, &options.verify)?;
-        Ok(Tried { written, after, verification, verdict })
+        let after = read_back(&written, output)?;
+        let after_trees = trees.build_for(scene, &after);
+        let verification = machine.verify_with([scene, &after], [trees, &after_trees], &options.verify)?;
+        let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
+        Ok(Tried { written, after, trees: after_trees, verification, verdict })
     }
 }
 
@@ -212,22 +225,14 @@ fn write(
     }
 }
 
-/// Reads the staged file back, traces it against the input, and says what came of it.
-fn verify_staged(
-    before: &Scene,
-    written: &Written,
-    output: &Path,
-    machine: &Machine,
-    options: &VerifyOptions,
-) -> Result<(Scene, Verification, Verdict), BakeError> {
+/// Reads the staged file back.
+fn read_back(written: &Written, output: &Path) -> Result<Scene, raykiln_formats::Error> {
     let staged = written.staged.path();
     let (mut after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
     if let (Some(hidden), Some(folder)) = (staged.parent(), output.parent()) {
         after.also_look_for_images(hidden, folder);
     }
-    let verification = machine.verify(before, &after, options)?;
-    let verdict = verdict(&verification, &options.weights, written.unchanged);
-    Ok((after, verification, verdict))
+    Ok(after)
 }
 
 /// Faster means: over the kinds of rays as they are weighted, by more than the speedup may be off.

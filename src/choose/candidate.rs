@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::model::Ranking;
 use super::passes::pass;
 use super::plans::Plan;
-use crate::cost::Metrics;
+use crate::cost::mesh_trees::MeshTrees;
 use crate::emit;
 use crate::layout::{self, Cache, Content, Layout};
 use crate::report::{self, Pass};
@@ -60,22 +60,26 @@ impl Laid {
     }
 }
 
+/// What is known of the scene as it is.
+pub(super) struct AsIs<'a> {
+    /// Trees of its meshes.
+    pub(super) trees: &'a MeshTrees,
+    /// Two-level cost, as it is built.
+    pub(super) cost: f64,
+    /// Predicted picoseconds a ray, with one BLAS a mesh.
+    pub(super) picoseconds: f64,
+}
+
 impl Candidate {
-    /// Predicts what a layout costs as it is built; `trees` are those of the scene as it is.
-    pub(super) fn new(
-        scene: &Scene,
-        before: &Metrics,
-        plan: Plan,
-        laid: Laid,
-        ranking: &Ranking,
-        trees: &TwoLevel,
-    ) -> Candidate {
+    /// Predicts what a layout costs as it is built.
+    pub(super) fn new(scene: &Scene, as_is: &AsIs, plan: Plan, laid: Laid, ranking: &Ranking) -> Candidate {
         let built = as_built(scene, &laid.layout, ranking.blas_per);
         let (predicted_cost, sampled_cost) = match (&built, emit::is_unchanged(&laid.layout)) {
-            (Cow::Borrowed(_), true) => (before.two_level_cost, ranking.picoseconds(trees)),
+            (Cow::Borrowed(_), true) => (as_is.cost, as_is.picoseconds),
             (built, unchanged) => {
-                let trees = TwoLevel::build(&layout::stored(scene, built));
-                let cost = if unchanged { before.two_level_cost } else { trees.cost(scene.bounds().area()) };
+                let known = as_is.trees.of_layout(built);
+                let trees = TwoLevel::build_with(&layout::stored(scene, built), &known);
+                let cost = if unchanged { as_is.cost } else { trees.cost(scene.bounds().area()) };
                 (cost, ranking.picoseconds(&trees))
             }
         };

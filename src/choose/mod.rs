@@ -19,6 +19,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::cost::Metrics;
+use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::{self, Cache, Layout, Method};
 use crate::report::{MethodReport, Pass};
 use crate::scene::Scene;
@@ -26,7 +27,7 @@ use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Machine, VerifyOptions};
-use candidate::Candidate;
+use candidate::{AsIs, Candidate};
 pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
 use plans::{Effort, Plan};
@@ -94,10 +95,11 @@ impl Chosen {
 }
 
 /// Chooses a layout and readies it for writing. Instances that could not be written out within the position error
-/// allowed become pinned. `metrics` are those of the input, which bound bytes, and of the scene, in which meshes may
-/// stand in for copies.
+/// allowed become pinned. `trees` are known trees of the scene's meshes, `metrics` those of the input, which bound bytes,
+/// and of the scene, in which meshes may stand in for copies.
 pub fn choose(
     scene: &mut Scene,
+    trees: &MeshTrees,
     metrics: [&Metrics; 2],
     machine: &Machine,
     options: &ChooseOptions,
@@ -105,7 +107,7 @@ pub fn choose(
 ) -> Chosen {
     match options.method {
         Choice::Method(method) => asked_for(scene, method, options, verify),
-        Choice::Auto => best(scene, metrics, machine, options, verify),
+        Choice::Auto => best(scene, trees, metrics, machine, options, verify),
     }
 }
 
@@ -131,6 +133,7 @@ fn told(options: &layout::Options, verify: &VerifyOptions) -> layout::Options {
 /// The best candidate.
 fn best(
     scene: &mut Scene,
+    trees: &MeshTrees,
     [input, before]: [&Metrics; 2],
     machine: &Machine,
     options: &ChooseOptions,
@@ -139,7 +142,7 @@ fn best(
     let max_bytes_ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
     let told = layout::Options { max_bytes_ratio: Some(max_bytes_ratio), ..told(&options.layout, verify) };
     let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
-    let mut candidates = evaluate(scene, before, &plans, options, verify);
+    let mut candidates = evaluate(scene, trees, before, &plans, options, verify);
     let start = Instant::now();
     let raced = race(scene, machine, &mut candidates, options.effort, verify);
     passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
@@ -163,30 +166,24 @@ fn best(
 /// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs.
 fn evaluate(
     scene: &mut Scene,
+    trees: &MeshTrees,
     before: &Metrics,
     plans: &[Plan],
     options: &ChooseOptions,
     verify: &VerifyOptions,
 ) -> Vec<Candidate> {
-    let trees = TwoLevel::build(scene);
-    let rays = rays::generate(scene, &Reference::new(&trees), options.effort.rays(), verify.seed);
+    let of_input = TwoLevel::build_with(scene, trees);
+    let rays = rays::generate(scene, &Reference::new(&of_input), options.effort.rays(), verify.seed);
     let blas_per = verify.build.blas_per;
     let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
-    let plans = segments::given(plans, &trees, &rays, &verify.weights);
-    let mut laid: Vec<(&Plan, Laid, f64)> = Vec::new();
-    let mut cache = Cache::default();
-    for plan in &plans {
-        let start = Instant::now();
-        let this = lay_out(&mut cache, scene, plan, verify.max_position_error_ratio);
-        if !laid.iter().any(|(_, other, _)| other.is_same(&this)) {
-            laid.push((plan, this, start.elapsed().as_secs_f64()));
-        }
-    }
-    drop(cache);
+    let plans = segments::given(plans, &of_input, &rays, &verify.weights);
+    let as_is = AsIs { trees, cost: before.two_level_cost, picoseconds: ranking.picoseconds(&of_input) };
+    drop(of_input);
+    let laid = lay_out_all(scene, &plans, verify.max_position_error_ratio);
     let scene = &*scene;
     let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
         let start = Instant::now();
-        let candidate = Candidate::new(scene, before, plan.clone(), laid, &ranking, &trees);
+        let candidate = Candidate::new(scene, &as_is, plan.clone(), laid, &ranking);
         Candidate { seconds: seconds + start.elapsed().as_secs_f64(), ..candidate }
     };
     let mut candidates = Vec::with_capacity(laid.len());
@@ -198,6 +195,20 @@ fn evaluate(
         }
         candidates.par_extend(some.into_par_iter().map(rank));
     }
+}
+
+/// The layouts of plans that differ, with the seconds each took.
+fn lay_out_all<'p>(scene: &mut Scene, plans: &'p [Plan], max_error_ratio: f64) -> Vec<(&'p Plan, Laid, f64)> {
+    let mut laid: Vec<(&Plan, Laid, f64)> = Vec::new();
+    let mut cache = Cache::default();
+    for plan in plans {
+        let start = Instant::now();
+        let this = lay_out(&mut cache, scene, plan, max_error_ratio);
+        if !laid.iter().any(|(_, other, _)| other.is_same(&this)) {
+            laid.push((plan, this, start.elapsed().as_secs_f64()));
+        }
+    }
+    laid
 }
 
 /// Candidates ranked side by side: the tree of one large group is built in one thread, and takes memory.

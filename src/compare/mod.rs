@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::time::Instant;
 
-use crate::bake::{self, BakeError, measure_as_built, per_primitive_note};
+use crate::bake::{self, BakeError, measure_with, per_primitive_note};
+use crate::cost::mesh_trees::MeshTrees;
 use crate::report::{self, Input, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::identity::Identity;
@@ -31,10 +32,14 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
     let (scene_after, warnings_after) = read(after)?;
     let matching = by.choose(&scene_before, &scene_after);
     let options = VerifyOptions { matching, ..options.clone() };
-    let verification = machine.verify(&scene_before, &scene_after, &options)?;
+    let trees_before = MeshTrees::build(&scene_before);
+    let trees_after = trees_before.build_for(&scene_before, &scene_after);
+    let scenes = [&scene_before, &scene_after];
+    let verification = machine.verify_with(scenes, [&trees_before, &trees_after], &options)?;
     let blas_per = options.build.blas_per;
-    let [metrics_before, metrics_after] = [&scene_before, &scene_after].map(|s| measure_as_built(s, blas_per));
-    let profiles = per_primitive_note(blas_per, [&scene_before, &scene_after], [&metrics_before, &metrics_after]);
+    let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
+    let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
+    let profiles = per_primitive_note(blas_per, scenes, [&metrics_before, &metrics_after]);
     let about_matching = note(by, matching, &scene_after, &verification);
     let notes = verification.notes.iter().cloned().chain(about_matching).chain(profiles).collect();
     Ok(VerifyReport {

@@ -34,23 +34,24 @@ const PART: usize = 1 << 17;
 const AT_ONCE: usize = 64;
 
 /// The tree over some boxes within the unit cube.
-pub(super) fn build(boxes: &[Boxed], params: &BvhBuildParams) -> Bvh2 {
+pub(super) fn build(boxes: Vec<Boxed>, params: &BvhBuildParams) -> Bvh2 {
     match boxes.len() < FEW {
-        true => build_bvh2(boxes, *params, &mut Duration::default()),
+        true => build_bvh2(&boxes, *params, &mut Duration::default()),
         false => in_parts(boxes, params, PART),
     }
 }
 
-fn in_parts(boxes: &[Boxed], params: &BvhBuildParams, largest: usize) -> Bvh2 {
-    let mut bvh = clustered(boxes, params, largest);
+fn in_parts(boxes: Vec<Boxed>, params: &BvhBuildParams, largest: usize) -> Bvh2 {
+    let (top, parts) = clustered(boxes, params, largest);
+    let mut bvh = joined(top, parts);
     reinsert(&mut bvh, params.reinsertion_batch_ratio);
     collapse(&mut bvh, params.max_prims_per_leaf, params.collapse_traversal_cost);
     reinsert(&mut bvh, params.reinsertion_batch_ratio * params.post_collapse_reinsertion_batch_ratio_multiplier);
     bvh
 }
 
-/// The tree by clustering alone, in parts of at most `largest` boxes, one box in each leaf.
-fn clustered(boxes: &[Boxed], params: &BvhBuildParams, largest: usize) -> Bvh2 {
+/// The trees by clustering alone, one box in each leaf, of parts of at most `largest` boxes, and the tree over them.
+fn clustered(boxes: Vec<Boxed>, params: &BvhBuildParams, largest: usize) -> (Bvh2, Vec<Part>) {
     let bounds = |i: u32| {
         let Aabb { min, max } = boxes[i as usize].0;
         Bounds { min: min.as_dvec3(), max: max.as_dvec3() }
@@ -65,7 +66,7 @@ fn clustered(boxes: &[Boxed], params: &BvhBuildParams, largest: usize) -> Bvh2 {
     };
     let parts = divide((0..boxes.len() as u32).collect(), largest, &bounds, &leaf, &join);
     let roots: Vec<Boxed> = parts.iter().map(|part| Boxed(*part.bvh.nodes[0].aabb())).collect();
-    joined(cluster(&roots, params), parts)
+    (cluster(&roots, params), parts)
 }
 
 fn cluster(boxes: &[Boxed], params: &BvhBuildParams) -> Bvh2 {
@@ -84,41 +85,43 @@ struct Part {
 /// One tree of the trees of parts and the tree over these. Pairs of siblings from near the roots come first, whatever part
 /// they are of: reinsertion begins there.
 fn joined(top: Bvh2, parts: Vec<Part>) -> Bvh2 {
-    let mut pairs: Vec<(f64, u32, u32)> = Vec::new();
-    for (p, part) in (0u32..).zip(&parts) {
-        let count = part.bvh.nodes.len() as u32 / 2;
-        pairs.extend((0..count).map(|i| (f64::from(i) / f64::from(count), p, i)));
-    }
-    pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut moved: Vec<Vec<u32>> = parts.iter().map(|part| vec![0; part.bvh.nodes.len() / 2]).collect();
-    for (to, &(_, p, i)) in (top.nodes.len() as u32..).step_by(2).zip(&pairs) {
-        moved[p as usize][i as usize] = to;
-    }
-    let mut first_item = vec![0u32];
-    first_item.extend(parts.iter().scan(0, |sum, part| {
-        *sum += part.items.len() as u32;
-        Some(*sum)
-    }));
-    let relinked = |p: u32, node: &Bvh2Node| {
-        let first_index = match node.is_leaf() {
-            true => node.first_index + first_item[p as usize],
-            false => moved[p as usize][node.first_index as usize / 2],
+    let pairs: Vec<usize> = parts.iter().map(|part| part.bvh.nodes.len() / 2).collect();
+    let first_pair = top.nodes.len();
+    let mut nodes = top.nodes;
+    let is_root = |node: &Bvh2Node| node.is_leaf().then_some(node.first_index as usize);
+    let mut root_of = vec![0; parts.len()];
+    nodes.iter().enumerate().for_each(|(at, node)| is_root(node).into_iter().for_each(|part| root_of[part] = at));
+    nodes.resize(first_pair + 2 * pairs.iter().sum::<usize>(), Bvh2Node::default());
+    let mut primitive_indices: Vec<u32> = Vec::with_capacity(parts.iter().map(|part| part.items.len()).sum());
+    for (p, Part { bvh, items }) in parts.into_iter().enumerate() {
+        let at = |pair: usize| first_pair + 2 * turn(&pairs, p, pair);
+        let moved = |node: &Bvh2Node| {
+            let first_index = match node.is_leaf() {
+                true => node.first_index + primitive_indices.len() as u32,
+                false => at(node.first_index as usize / 2) as u32,
+            };
+            Bvh2Node { first_index, ..*node }
         };
-        Bvh2Node { first_index, ..*node }
-    };
-    let root = |node: &Bvh2Node| match node.is_leaf() {
-        true => relinked(node.first_index, &parts[node.first_index as usize].bvh.nodes[0]),
-        false => *node,
-    };
-    let mut nodes = Vec::with_capacity(top.nodes.len() + 2 * pairs.len());
-    nodes.extend(top.nodes.iter().map(root));
-    for &(_, p, i) in &pairs {
-        let of_part = &parts[p as usize].bvh.nodes;
-        nodes.extend([1, 2].map(|second| relinked(p, &of_part[2 * i as usize + second])));
+        nodes[root_of[p]] = moved(&bvh.nodes[0]);
+        for (pair, two) in bvh.nodes[1..].chunks_exact(2).enumerate() {
+            let to = at(pair);
+            nodes[to..to + 2].copy_from_slice(&[moved(&two[0]), moved(&two[1])]);
+        }
+        primitive_indices.extend(items);
     }
-    let primitive_indices = parts.into_iter().flat_map(|part| part.items).collect();
     let max_depth = depth(&nodes).max(DEFAULT_MAX_STACK_DEPTH);
     Bvh2 { nodes, primitive_indices, max_depth, ..Bvh2::default() }
+}
+
+/// When a pair of a part has its turn, where all parts, of so many pairs each, have theirs evenly: pairs come in the order
+/// of their place over the number of pairs of their part, those of earlier parts first where these are equal.
+fn turn(pairs: &[usize], part: usize, pair: usize) -> usize {
+    let before = |(p, &count): (usize, &usize)| match p < part {
+        // As many as have place / count at most, or below, pair / pairs[part].
+        true => (pair * count / pairs[part] + 1).min(count),
+        false => (pair * count).div_ceil(pairs[part]),
+    };
+    pairs.iter().enumerate().map(before).sum()
 }
 
 /// Nodes on the longest way down, where children come after their parents.
@@ -193,7 +196,7 @@ mod tests {
         let (boxes, params) = (boxes(20_000), BvhBuildParams::medium_build());
         let whole = cost(&build_bvh2(&boxes, params, &mut Duration::default()));
         for largest in [3000, 20_000] {
-            let bvh = in_parts(&boxes, &params, largest);
+            let bvh = in_parts(boxes.clone(), &params, largest);
             bvh.validate(&boxes, false, false);
             let mut items = bvh.primitive_indices.clone();
             items.sort_unstable();
@@ -203,11 +206,23 @@ mod tests {
     }
 
     #[test]
+    fn every_pair_has_its_own_turn() {
+        let pairs = [5, 0, 12, 1, 5];
+        let turns = |p: usize| (0..pairs[p]).map(|pair| turn(&pairs, p, pair)).collect::<Vec<_>>();
+        let of_parts: Vec<Vec<usize>> = (0..pairs.len()).map(turns).collect();
+        assert!(of_parts.iter().all(|turns| turns.is_sorted()));
+        let mut all = of_parts.concat();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..23));
+        assert_eq!(of_parts[0][0], 0);
+    }
+
+    #[test]
     fn trees_are_the_same_for_any_number_of_threads() {
         let (boxes, params) = (boxes(20_000), BvhBuildParams::medium_build());
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-            let bvh = pool.install(|| in_parts(&boxes, &params, 3000));
+            let bvh = pool.install(|| in_parts(boxes.clone(), &params, 3000));
             let nodes = bvh.nodes.iter().map(|n| (n.min.to_array(), n.max.to_array(), n.prim_count, n.first_index));
             (nodes.collect::<Vec<_>>(), bvh.primitive_indices)
         };
@@ -217,7 +232,8 @@ mod tests {
     #[test]
     fn equal_boxes_are_divided_all_the_same() {
         let equal = vec![boxes(1)[0]; 1000];
-        let bvh = in_parts(&equal, &BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() }, 300);
+        let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
+        let bvh = in_parts(equal.clone(), &params, 300);
         bvh.validate(&equal, false, false);
         assert_eq!(bvh.nodes.len(), 1999);
     }

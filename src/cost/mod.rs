@@ -4,6 +4,7 @@ pub mod boxes;
 pub mod bytes;
 mod clustering;
 mod divide;
+pub mod mesh_trees;
 pub mod overlap;
 pub mod sah;
 pub mod segments;
@@ -13,6 +14,7 @@ pub mod tree;
 pub mod two_level;
 
 use boxes::BoxesPerPoint;
+use mesh_trees::MeshTrees;
 use structure::{GroupTriangles, Structure};
 use two_level::TwoLevel;
 
@@ -59,7 +61,12 @@ impl Metrics {
 
 /// Measures a layout of a scene. No metric is ever infinite or not a number; those over an area of 0 are 0.
 pub fn measure(scene: &Scene, layout: &Layout) -> Metrics {
-    let structure = Structure::build(scene, layout);
+    measure_with(scene, layout, &MeshTrees::default())
+}
+
+/// As [`measure`], where trees of the scene's meshes are known.
+pub fn measure_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Metrics {
+    let structure = Structure::build_with(scene, layout, trees);
     let scene_area = scene.bounds().area();
     let costs = TwoLevel::of(&structure, layout);
     let boxes = BoxesPerPoint::of(&structure, &surface::points(scene, boxes::POINTS));

@@ -3,6 +3,7 @@
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
+use super::mesh_trees::MeshTrees;
 use super::sah::FaceAreas;
 use super::tree::{Quality, Tree};
 use crate::layout::{Content, Group, Layout, Placement};
@@ -31,9 +32,14 @@ pub struct Blas {
 }
 
 impl Structure {
-    /// Builds the trees of a layout; groups in parallel, each in one thread, so that equal input gives equal trees.
+    /// Builds the trees of a layout; equal input gives equal trees.
     pub fn build(scene: &Scene, layout: &Layout) -> Structure {
-        let blas: Vec<Blas> = layout.groups.par_iter().map(|group| Blas::build(scene, group)).collect();
+        Structure::build_with(scene, layout, &MeshTrees::default())
+    }
+
+    /// As [`Structure::build`], where trees of the scene's meshes are known.
+    pub fn build_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Structure {
+        let blas: Vec<Blas> = layout.groups.par_iter().map(|group| Blas::build(scene, group, trees)).collect();
         let world_box = |p: &Placement| blas[p.group as usize].bounds.transformed(&p.transform);
         let boxes: Vec<Bounds> = layout.placements.iter().map(world_box).collect();
         let tlas = Tree::build_usable(&boxes, Quality::Instances);
@@ -42,11 +48,17 @@ impl Structure {
 }
 
 impl Blas {
-    /// Builds the tree of a group.
-    pub fn build(scene: &Scene, group: &Group) -> Blas {
-        let boxes = GroupTriangles::new(scene, &group.content).boxes();
-        let tree = Tree::build_usable(&boxes, Quality::Medium);
-        let bounds = tree.bounds(&boxes);
+    /// The tree of a group, built where it is not that of a mesh that is known.
+    fn build(scene: &Scene, group: &Group, trees: &MeshTrees) -> Blas {
+        let triangles = GroupTriangles::new(scene, &group.content);
+        let known = match group.content {
+            Content::Kept(mesh) => trees.get(mesh).cloned(),
+            Content::Piece(..) | Content::Baked { .. } => None,
+        };
+        let bounds_of = |t: u32| Bounds::of(triangles.corners(t as usize));
+        let tree = known.unwrap_or_else(|| Tree::build_from(triangles.len(), Quality::Medium, &bounds_of));
+        let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &t| all.union(&bounds_of(t)));
+        let bounds = tree.refit(around, Bounds::union);
         Blas { areas: FaceAreas::of(&tree, &bounds), bounds: bounds.first().copied().unwrap_or(Bounds::EMPTY), tree }
     }
 }

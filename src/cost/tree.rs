@@ -168,14 +168,15 @@ impl Tree {
 
 /// More boxes than this in one Morton cell are clustered apart.
 const CROWD: usize = 64;
-/// More boxes than this are built in parts: the builder takes about 150 bytes a box.
+/// More boxes than this are built in parts: the builder takes about 130 bytes a box.
 const PART: usize = 1 << 20;
+/// Boxes that a thread looks at in one go.
+const CHUNK: usize = 1 << 12;
 /// Coordinates below this have finite products.
 const LARGEST: f64 = 1e150;
 
 /// What a tree is clustered over: boxes, and after them trees of many boxes.
 struct Items {
-    boxes: Vec<Bounds>,
     ones: Vec<u32>,
     crowds: Vec<Tree>,
     crowd_bounds: Vec<Bounds>,
@@ -193,21 +194,11 @@ impl Items {
     fn crowd(&self, i: u32) -> Option<&Tree> {
         (i as usize).checked_sub(self.ones.len()).map(|crowd| &self.crowds[crowd])
     }
-
-    fn bounds(&self) -> impl Iterator<Item = &Bounds> {
-        self.boxes.iter().chain(&self.crowd_bounds)
-    }
 }
 
 /// The tree over some items, in parts where there are very many.
 fn build_members(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
-    let of_part = |part: Vec<u32>| {
-        let boxes: Vec<Bounds> = part.iter().map(|&i| bounds(i)).collect();
-        let mut tree = build_over(&boxes, (0..boxes.len() as u32).collect(), quality);
-        tree.order.iter_mut().for_each(|i| *i = part[*i as usize]);
-        tree
-    };
-    divide(members, PART, bounds, &of_part, &joined)
+    divide(members, PART, bounds, &|part| build_over(part, quality, bounds), &joined)
 }
 
 /// A node above two trees that are not empty.
@@ -230,49 +221,43 @@ fn joined(left: Tree, right: Tree) -> Tree {
     Tree { nodes, order }
 }
 
-/// The tree over some of the boxes.
-fn build_over(boxes: &[Bounds], members: Vec<u32>, quality: Quality) -> Tree {
-    let (ones, crowds) = crowded_cells(boxes, &members);
+/// The tree over some items.
+fn build_over(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
+    let (ones, crowds) = crowded_cells(&members, bounds);
     if ones.is_empty() && crowds.len() == 1 {
         return halved(members, quality.equal_leaf());
     }
     drop(members);
-    join_crowds(boxes, ones, crowds, quality)
-}
-
-/// The tree over single boxes and over crowds, each with a tree of its own.
-fn join_crowds(boxes: &[Bounds], ones: Vec<u32>, crowds: Vec<Vec<u32>>, quality: Quality) -> Tree {
-    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&bounds(i)));
     let crowd_bounds = crowds.iter().map(around).collect();
-    let crowds = crowds.into_par_iter().map(|crowd| build_over(boxes, crowd, quality)).collect();
-    let boxes = ones.iter().map(|&i| boxes[i as usize]).collect();
-    cluster(&Items { boxes, ones, crowds, crowd_bounds }, quality)
+    let crowds = crowds.into_par_iter().map(|crowd| build_over(crowd, quality, bounds)).collect();
+    let items = Items { ones, crowds, crowd_bounds };
+    cluster(&items, in_unit_cube(&items, bounds), quality)
 }
 
 /// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
 /// in the order of the members. Cells are those of the members' centroids, so that all members are one crowd only
 /// if their centroids are equal.
-fn crowded_cells(boxes: &[Bounds], members: &[u32]) -> (Vec<u32>, Vec<Vec<u32>>) {
-    let centroids = Bounds::of(members.iter().map(|&i| boxes[i as usize].center()));
+fn crowded_cells(members: &[u32], bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<Vec<u32>>) {
+    let of_chunk = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| bounds(i).center()));
+    let centroids = members.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let cells_per_unit = 1.0 / centroids.size().max_element() * f64::from(1 << 20);
-    let cell = |i: u32| -> [u32; 3] {
-        let offset = boxes[i as usize].center() - centroids.min;
+    let cell = |i: u32| -> u64 {
+        let offset = bounds(i).center() - centroids.min;
         let scaled = if cells_per_unit.is_finite() { offset * cells_per_unit } else { DVec3::ZERO };
-        [scaled.x as u32, scaled.y as u32, scaled.z as u32]
+        (scaled.x as u64) << 42 | (scaled.y as u64) << 21 | scaled.z as u64
     };
-    let mut cells: Vec<([u32; 3], u32)> = members.iter().enumerate().map(|(at, &i)| (cell(i), at as u32)).collect();
-    cells.sort_unstable();
+    let mut cells: Vec<(u64, u32)> =
+        members.par_iter().enumerate().with_min_len(CHUNK).map(|(at, &i)| (cell(i), at as u32)).collect();
+    cells.par_sort_unstable();
     let mut crowds: Vec<Vec<u32>> = Vec::new();
-    let mut loners: Vec<u32> = Vec::with_capacity(members.len());
-    for chunk in cells.chunk_by(|a, b| a.0 == b.0) {
-        if chunk.len() > CROWD {
-            crowds.push(chunk.iter().map(|c| members[c.1 as usize]).collect());
-        } else {
-            loners.extend(chunk.iter().map(|c| c.1));
-        }
+    let mut is_crowded = vec![false; members.len()];
+    for chunk in cells.chunk_by(|a, b| a.0 == b.0).filter(|chunk| chunk.len() > CROWD) {
+        crowds.push(chunk.iter().map(|c| members[c.1 as usize]).collect());
+        chunk.iter().for_each(|c| is_crowded[c.1 as usize] = true);
     }
-    loners.sort_unstable();
-    (loners.into_iter().map(|at| members[at as usize]).collect(), crowds)
+    let loners = members.iter().zip(is_crowded).filter(|(_, crowded)| !crowded).map(|(&i, _)| i);
+    (loners.collect(), crowds)
 }
 
 /// A balanced tree over boxes that cannot be told apart.
@@ -293,8 +278,8 @@ fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
 }
 
 /// The tree of locally ordered clustering, with the trees of crowds grafted in.
-fn cluster(items: &Items, quality: Quality) -> Tree {
-    let bvh = clustering::build(&in_unit_cube(items), &quality.params());
+fn cluster(items: &Items, boxes: Vec<Boxed>, quality: Quality) -> Tree {
+    let bvh = clustering::build(boxes, &quality.params());
     let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.ones.len()) };
     if bvh.nodes.is_empty() {
         return tree;
@@ -363,13 +348,16 @@ const REACH: f32 = 1.0 / (1 << 22) as f32;
 
 /// The boxes moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
 /// builder's single precision.
-fn in_unit_cube(items: &Items) -> Vec<Boxed> {
-    let all = items.bounds().fold(Bounds::EMPTY, |all, b| all.union(b));
+fn in_unit_cube(items: &Items, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Vec<Boxed> {
+    let ones = || items.ones.par_iter().with_min_len(CHUNK).map(|&i| bounds(i));
+    let crowds = || items.crowd_bounds.par_iter().with_min_len(CHUNK).copied();
+    let all = ones().chain(crowds()).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let center = all.center();
     let scale = 1.0 / all.size().max_element();
     let scale = if scale.is_finite() { scale } else { 0.0 };
     let point = |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
-    items.bounds().map(|b| Boxed(Aabb::new(point(b.min) - REACH, point(b.max) + REACH))).collect()
+    let boxed = |b: Bounds| Boxed(Aabb::new(point(b.min) - REACH, point(b.max) + REACH));
+    ones().chain(crowds()).map(boxed).collect()
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use super::{
     verify_with,
     vulkan::{Device, DeviceInfo, Error, Options, Pipelines, Vulkan, VulkanTracer, Wanted},
 };
-use super::{Verification, VerifyOptions, verify};
+use super::{Verification, VerifyOptions, verify_on_cpu};
+use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 
 /// Where to trace.
@@ -127,16 +128,29 @@ impl Machine {
     /// # Errors
     /// A device named that fails otherwise.
     pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
+        self.verify_with([before, after], [&MeshTrees::default(); 2], options)
+    }
+
+    /// As [`Machine::verify`] of the second scene against the first, where trees of their meshes are known.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn verify_with(
+        &self,
+        scenes: [&Scene; 2],
+        trees: [&MeshTrees; 2],
+        options: &VerifyOptions,
+    ) -> Result<Verification, DeviceError> {
         let mut notes = self.notes.clone();
-        let found = match self.device.as_ref().map(|device| verify_on(device, before, after, options)) {
-            None => verify(before, after, options),
+        let found = match self.device.as_ref().map(|device| verify_on(device, scenes, trees[0], options)) {
+            None => verify_on_cpu(scenes, trees, options),
             Some(Ok((found, note))) => {
                 notes.extend(note);
                 found
             }
             Some(Err(e)) if !self.named || matches!(e, Error::OutOfMemory { .. } | Error::Limit { .. }) => {
                 notes.push(format!("rays are traced on the CPU: {e}"));
-                verify(before, after, options)
+                verify_on_cpu(scenes, trees, options)
             }
             Some(Err(e)) => return Err(DeviceError(e.to_string())),
         };
@@ -169,12 +183,12 @@ fn no_hardware(devices: &[DeviceInfo]) -> String {
 #[cfg(feature = "vulkan")]
 fn verify_on(
     device: &Device,
-    before: &Scene,
-    after: &Scene,
+    [before, after]: [&Scene; 2],
+    trees_before: &MeshTrees,
     options: &VerifyOptions,
 ) -> Result<(Verification, Option<String>), Error> {
     std::thread::scope(|scope| {
-        let trees = scope.spawn(|| TwoLevel::build(before));
+        let trees = scope.spawn(|| TwoLevel::build_with(before, trees_before));
         let pipelines = Pipelines::new(device)?;
         let build = |scene| VulkanTracer::new(&pipelines, scene, options.build);
         let both = build(before).and_then(|first| Ok([first, build(after)?]));
@@ -222,7 +236,20 @@ impl Machine {
     /// # Errors
     /// None.
     pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
-        Ok(Verification { notes: self.notes.clone(), ..verify(before, after, options) })
+        self.verify_with([before, after], [&MeshTrees::default(); 2], options)
+    }
+
+    /// As [`Machine::verify`] of the second scene against the first, where trees of their meshes are known.
+    ///
+    /// # Errors
+    /// None.
+    pub fn verify_with(
+        &self,
+        scenes: [&Scene; 2],
+        trees: [&MeshTrees; 2],
+        options: &VerifyOptions,
+    ) -> Result<Verification, DeviceError> {
+        Ok(Verification { notes: self.notes.clone(), ..verify_on_cpu(scenes, trees, options) })
     }
 }
 

@@ -40,6 +40,7 @@ pub use tracing::{Pace, Tracer, Tracers};
 pub use verdict::Verification;
 use weights::Weights;
 
+use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 
 /// How to verify.
@@ -110,7 +111,13 @@ pub struct Hit {
 
 /// Verifies `after`, the file written, against `before`, the input, on the CPU.
 pub fn verify(before: &Scene, after: &Scene, options: &VerifyOptions) -> Verification {
-    let (trees_before, trees_after) = rayon::join(|| TwoLevel::build(before), || TwoLevel::build(after));
+    verify_on_cpu([before, after], [&MeshTrees::default(); 2], options)
+}
+
+/// As [`verify`], where trees of the scenes' meshes are known.
+fn verify_on_cpu([before, after]: [&Scene; 2], trees: [&MeshTrees; 2], options: &VerifyOptions) -> Verification {
+    let (trees_before, trees_after) =
+        rayon::join(|| TwoLevel::build_with(before, trees[0]), || TwoLevel::build_with(after, trees[1]));
     let reference = Reference::new(&trees_before);
     let tracers = [CpuTracer::new(&trees_before), CpuTracer::new(&trees_after)];
     let Ok(found) = verify_with(before, after, &reference, [&tracers[0], &tracers[1]], options);

@@ -6,7 +6,7 @@
 
 use std::ops::{Add, ControlFlow, Div, Mul, Neg, Range, Sub};
 
-use crate::cost::tree::Tree;
+use crate::cost::tree::{Node, Tree};
 use crate::scene::Bounds;
 
 /// The numbers a ray is traced in: `f32` as a device does, `f64` for the truth.
@@ -70,11 +70,9 @@ impl BoxNode {
     }
 }
 
-/// The nodes of a tree over `boxes`, with boxes rounded outward.
-pub(super) fn boxed(tree: &Tree, boxes: &[Bounds]) -> Vec<BoxNode> {
-    let bounds =
-        tree.refit(|items| items.iter().fold(Bounds::EMPTY, |b, &i| b.union(&boxes[i as usize])), |a, b| a.union(b));
-    let boxed = |(node, bounds): (&crate::cost::tree::Node, Bounds)| BoxNode {
+/// The nodes of a tree, given their boxes, which are rounded outward.
+pub(super) fn boxed(tree: &Tree, bounds: &[Bounds]) -> Vec<BoxNode> {
+    let boxed = |(node, bounds): (&Node, &Bounds)| BoxNode {
         min: bounds.min.to_array().map(round_down),
         first: node.first,
         max: bounds.max.to_array().map(|x| -round_down(-x)),
@@ -213,11 +211,9 @@ mod tests {
 
     #[test]
     fn rounding_is_outward() {
-        let tree = Tree::build(
-            &[Bounds { min: glam::DVec3::splat(0.1), max: glam::DVec3::splat(0.7) }],
-            crate::cost::tree::Quality::Medium,
-        );
-        let nodes = boxed(&tree, &[Bounds { min: glam::DVec3::splat(0.1), max: glam::DVec3::splat(0.7) }]);
+        let bounds = [Bounds { min: glam::DVec3::splat(0.1), max: glam::DVec3::splat(0.7) }];
+        let tree = Tree::build(&bounds, crate::cost::tree::Quality::Medium);
+        let nodes = boxed(&tree, &bounds);
         assert!(f64::from(nodes[0].min[0]) <= 0.1 && f64::from(nodes[0].max[0]) >= 0.7);
         assert!(round_down(1e300) == f32::MAX && round_down(-1e300) == f32::NEG_INFINITY);
     }

@@ -3,6 +3,7 @@
 //! World and meshes are scaled by powers of two so that their largest coordinate lies in [1, 2): that changes no
 //! digit, but keeps products of coordinates of 1e30 or 1e-30 within the range of single precision.
 
+use std::borrow::Cow;
 use std::hash::BuildHasher;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -10,11 +11,12 @@ use rayon::prelude::*;
 use rustc_hash::FxBuildHasher;
 
 use super::boxes::{BoxNode, boxed};
+use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::sah::{FaceAreas, TRAVERSAL};
 use crate::cost::share;
 use crate::cost::tree::{Quality, Tree};
 use crate::cost::two_level::{INSTANCE_ENTRY, face_scale};
-use crate::scene::{Bounds, Instance, Mesh, Scene};
+use crate::scene::{Bounds, Geometry, Instance, Mesh, MeshId, Scene};
 use crate::verify::rounding::{Magnitude, SINGLE};
 
 /// One level of the structure for each mesh, and one over the instances.
@@ -63,7 +65,13 @@ pub(super) struct Entry {
 impl TwoLevel {
     /// Builds the trees. Instances whose transform has no inverse are left out, as no ray can enter them.
     pub fn build(scene: &Scene) -> TwoLevel {
-        let bottom: Vec<Bottom> = scene.meshes.par_iter().map(Bottom::build).collect();
+        TwoLevel::build_with(scene, &MeshTrees::default())
+    }
+
+    /// As [`TwoLevel::build`], where trees of the meshes are known.
+    pub fn build_with(scene: &Scene, trees: &MeshTrees) -> TwoLevel {
+        let build = |(number, mesh): (usize, &Mesh)| Bottom::build(mesh, trees.get(MeshId(number as u32)));
+        let bottom: Vec<Bottom> = scene.meshes.par_iter().enumerate().map(build).collect();
         let extent = |i: &Instance| {
             let mesh = &bottom[i.mesh.0 as usize];
             largest_coordinate(&mesh.bounds.transformed(&scaled(&i.transform, 1.0, mesh.scale)))
@@ -75,10 +83,11 @@ impl TwoLevel {
             .collect();
         let (entries, boxes): (Vec<Entry>, Vec<Bounds>) = placed.into_iter().unzip();
         let tree = Tree::build(&boxes, Quality::Instances);
+        let nodes = tree.bounds(&boxes);
         let mut by_index: Vec<Option<Entry>> = entries.into_iter().map(Some).collect();
         let deepest = bottom.iter().map(|b| b.depth).max().unwrap_or(0);
         TwoLevel {
-            top: boxed(&tree, &boxes),
+            top: boxed(&tree, &nodes),
             entries: tree.order.iter().filter_map(|&i| by_index[i as usize].take()).collect(),
             scale,
             reach: boxes.iter().map(largest_coordinate).fold(0.0, f64::max),
@@ -116,22 +125,32 @@ fn face_areas(nodes: &[BoxNode]) -> FaceAreas {
 }
 
 impl Bottom {
-    fn build(mesh: &Mesh) -> Bottom {
-        let all = || mesh.geometries.iter().flat_map(|g| (0..g.triangles.len()).map(|t| g.corners(t)));
-        let scale = unit_scale(all().flatten().map(|p| f64::from(p.abs().max_element())).fold(0.0, f64::max));
-        let corners: Vec<[Vec3; 3]> = all().map(|c| c.map(|p| (p.as_dvec3() * scale).as_vec3())).collect();
-        let kept = distinct(mesh, &corners);
-        let boundary = |&t: &u32| Bounds::of(corners[t as usize].iter().map(|p| p.as_dvec3()));
-        let boxes: Vec<Bounds> = kept.iter().map(boundary).collect();
-        let tree = Tree::build(&boxes, Quality::Medium);
-        let order: Vec<u32> = tree.order.iter().map(|&i| kept[i as usize]).collect();
+    fn build(mesh: &Mesh, tree: Option<&Tree>) -> Bottom {
+        let largest = |g: &Geometry| {
+            let corners = g.triangles.par_iter().flatten().map(|&v| g.positions[v as usize].abs().max_element());
+            corners.reduce(|| 0.0, f32::max)
+        };
+        let scale = unit_scale(f64::from(mesh.geometries.iter().map(largest).fold(0.0, f32::max)));
+        let corners = |t: u32| mesh.corners(t).map(|p| (p.as_dvec3() * scale).as_vec3());
+        let bounds = |t: u32| Bounds::of(corners(t).map(|p| p.as_dvec3()));
+        let kept = distinct(mesh);
+        let tree = match tree.filter(|tree| tree.order.len() == kept.len()) {
+            Some(tree) => Cow::Borrowed(tree),
+            None => {
+                let mut tree = Tree::build_from(kept.len(), Quality::Medium, &|i| bounds(kept[i as usize]));
+                tree.order.iter_mut().for_each(|i| *i = kept[*i as usize]);
+                Cow::Owned(tree)
+            }
+        };
+        drop(kept);
+        let nodes = tree.refit(|items| items.iter().fold(Bounds::EMPTY, |b, &t| b.union(&bounds(t))), Bounds::union);
         Bottom {
-            nodes: boxed(&tree, &boxes),
-            corners: order.iter().map(|&t| corners[t as usize]).collect(),
+            bounds: nodes.first().copied().unwrap_or(Bounds::EMPTY),
+            nodes: boxed(&tree, &nodes),
+            corners: tree.order.par_iter().map(|&t| corners(t)).collect(),
             depth: tree.depth(),
-            order,
+            order: tree.into_owned().order,
             scale,
-            bounds: boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b)),
         }
     }
 }
@@ -156,10 +175,10 @@ impl Entry {
 
 /// The triangles of a mesh, in order, without those whose corners are bit for bit, and in the same order, those of an
 /// earlier one of the same geometry: they are hit where that one is, which wins the tie.
-fn distinct(mesh: &Mesh, corners: &[[Vec3; 3]]) -> Vec<u32> {
-    let key = |t: u32| (mesh.locate(t).0, corners[t as usize].map(|p| p.to_array().map(f32::to_bits)));
-    let mut hashed: Vec<(u64, u32)> =
-        (0..corners.len() as u32).into_par_iter().map(|t| (FxBuildHasher.hash_one(key(t)), t)).collect();
+fn distinct(mesh: &Mesh) -> Vec<u32> {
+    let key = |t: u32| (mesh.locate(t).0, mesh.corners(t).map(|p| p.to_array().map(f32::to_bits)));
+    let hash = |t: u32| FxBuildHasher.hash_one(key(t));
+    let mut hashed: Vec<(u64, u32)> = (0..mesh.triangle_count() as u32).into_par_iter().map(|t| (hash(t), t)).collect();
     hashed.par_sort_unstable();
     // Triangles that share a hash by chance stay: a test too many changes nothing.
     let differ = |pair: &&[(u64, u32)]| pair[0].0 != pair[1].0 || key(pair[0].1) != key(pair[1].1);
@@ -223,7 +242,7 @@ mod tests {
         let flipped = triangles.iter().map(|&[a, b, c]| [a, c, b]);
         let both = triangles.iter().copied().chain(flipped).collect();
         let mesh = mesh(0, vec![(None, positions.clone(), both), (None, positions, turned)]);
-        let mut order = Bottom::build(&mesh).order;
+        let mut order = Bottom::build(&mesh, None).order;
         order.sort_unstable();
         assert_eq!(order, [0, 1, 5, 6, 10, 11]);
     }

@@ -1,0 +1,101 @@
+//! The trees over the triangles of a scene's meshes, built once for all that need them.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::tree::{Quality, Tree};
+use crate::layout::{Content, Layout};
+use crate::scene::{Bounds, Geometry, Mesh, MeshId, Scene};
+
+/// For each mesh of a scene the tree over its triangles in mesh coordinates, item `i` being its triangle `i`; or none,
+/// where whoever needs it builds it. Trees of large scenes take about 8 bytes a triangle.
+#[derive(Clone, Debug, Default)]
+pub struct MeshTrees(Vec<Option<Arc<Tree>>>);
+
+impl MeshTrees {
+    /// Builds the trees of all meshes.
+    pub fn build(scene: &Scene) -> MeshTrees {
+        MeshTrees(scene.meshes.par_iter().map(|mesh| Some(Arc::new(tree(mesh)))).collect())
+    }
+
+    /// The trees of a scene that was read from what was written for another one, whose own these are: shared where a mesh
+    /// has the same triangles, bit for bit, as the mesh of the same number there, else built.
+    pub fn build_for(&self, of: &Scene, scene: &Scene) -> MeshTrees {
+        let tree = |(number, mesh): (usize, &Mesh)| {
+            let same = of.meshes.get(number).filter(|other| have_same_triangles(mesh, other));
+            let known = same.and_then(|_| self.0.get(number)?.clone());
+            Some(known.unwrap_or_else(|| Arc::new(tree(mesh))))
+        };
+        MeshTrees(scene.meshes.par_iter().enumerate().map(tree).collect())
+    }
+
+    /// The trees that are known of the meshes that a layout comes to ([`crate::layout::stored`]): those of groups that
+    /// are meshes as they are.
+    pub fn of_layout(&self, layout: &Layout) -> MeshTrees {
+        let known = |content: &Content| match content {
+            Content::Kept(mesh) => self.0.get(mesh.0 as usize).cloned().flatten(),
+            Content::Piece(..) | Content::Baked { .. } => None,
+        };
+        MeshTrees(layout.groups.iter().map(|group| known(&group.content)).collect())
+    }
+
+    /// The tree of a mesh, if it is known.
+    pub fn get(&self, mesh: MeshId) -> Option<&Tree> {
+        self.0.get(mesh.0 as usize)?.as_deref()
+    }
+}
+
+/// The tree over the triangles of a mesh.
+fn tree(mesh: &Mesh) -> Tree {
+    let bounds = |triangle: u32| Bounds::of(mesh.corners(triangle).map(|p| p.as_dvec3()));
+    Tree::build_from(mesh.triangle_count(), Quality::Medium, &bounds)
+}
+
+/// Whether two meshes hold the same triangles in the same order, bit for bit.
+fn have_same_triangles(a: &Mesh, b: &Mesh) -> bool {
+    let bits = |p: &Vec3| p.to_array().map(f32::to_bits);
+    let are_same = |(a, b): (&Geometry, &Geometry)| {
+        a.triangles == b.triangles && a.positions.iter().map(bits).eq(b.positions.iter().map(bits))
+    };
+    a.geometries.len() == b.geometries.len() && a.geometries.iter().zip(&b.geometries).all(are_same)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost::tests::{grid_mesh, instance, kept, scene};
+    use glam::DAffine3;
+
+    fn two_grids() -> Scene {
+        scene(vec![grid_mesh(3), grid_mesh(5)], vec![instance(0, DAffine3::IDENTITY), instance(1, DAffine3::IDENTITY)])
+    }
+
+    #[test]
+    fn trees_are_shared_only_where_triangles_are_the_same() {
+        let before = two_grids();
+        let trees = MeshTrees::build(&before);
+        let mut after = before.clone();
+        after.meshes[1].geometries[0].positions[7].x += 0.25;
+        after.meshes.push(grid_mesh(2));
+        let others = trees.build_for(&before, &after);
+        let of = |trees: &MeshTrees, mesh: usize| trees.0[mesh].clone().expect("it is built");
+        assert!(Arc::ptr_eq(&of(&trees, 0), &of(&others, 0)));
+        assert!(!Arc::ptr_eq(&of(&trees, 1), &of(&others, 1)));
+        assert_eq!(*of(&others, 2), tree(&after.meshes[2]));
+    }
+
+    #[test]
+    fn kept_groups_have_the_trees_of_their_meshes() {
+        let scene = two_grids();
+        let trees = MeshTrees::build(&scene);
+        let mut layout = kept(&scene);
+        layout.groups.swap(0, 1);
+        layout.groups.push(crate::layout::Group { name: String::new(), content: Content::Piece(MeshId(0), vec![]) });
+        let known = trees.of_layout(&layout);
+        let len = |mesh: u32| known.get(MeshId(mesh)).map(|tree| tree.order.len());
+        assert_eq!([len(0), len(1), len(2), len(3)], [Some(50), Some(18), None, None]);
+        assert!(MeshTrees::default().of_layout(&layout).get(MeshId(0)).is_none());
+    }
+}
