@@ -4,6 +4,8 @@
 //! TVCG 24(3), 2018, with D. Meister, J. Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy Optimization",
 //! Computer Graphics Forum 37(2), 2018, as the crate `obvhs` builds them. Equal input gives an equal tree. The tree holds no boxes: [`Tree::refit`] computes them in whatever frame and precision is wanted.
 
+use std::borrow::Cow;
+
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -198,7 +200,13 @@ impl Items {
 
 /// The tree over some items, in parts where there are very many.
 fn build_members(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
-    divide(members, PART, bounds, &|part| build_over(part, quality, bounds), &joined)
+    let of_part = |part: Vec<u32>| {
+        let boxes: Vec<Bounds> = part.par_iter().with_min_len(CHUNK).map(|&i| bounds(i)).collect();
+        let mut tree = build_over((0..boxes.len() as u32).collect(), quality, Cow::Owned(boxes));
+        tree.order.iter_mut().for_each(|i| *i = part[*i as usize]);
+        tree
+    };
+    divide(members, PART, bounds, &of_part, &joined)
 }
 
 /// A node above two trees that are not empty.
@@ -221,29 +229,31 @@ fn joined(left: Tree, right: Tree) -> Tree {
     Tree { nodes, order }
 }
 
-/// The tree over some items.
-fn build_over(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
-    let (ones, crowds) = crowded_cells(&members, bounds);
+/// The tree over some of the boxes, which are let go of when they have been seen.
+fn build_over(members: Vec<u32>, quality: Quality, boxes: Cow<[Bounds]>) -> Tree {
+    let (ones, crowds) = crowded_cells(&members, &boxes);
     if ones.is_empty() && crowds.len() == 1 {
         return halved(members, quality.equal_leaf());
     }
     drop(members);
-    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&bounds(i)));
+    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
     let crowd_bounds = crowds.iter().map(around).collect();
-    let crowds = crowds.into_par_iter().map(|crowd| build_over(crowd, quality, bounds)).collect();
+    let crowds = crowds.into_par_iter().map(|crowd| build_over(crowd, quality, Cow::Borrowed(&boxes))).collect();
     let items = Items { ones, crowds, crowd_bounds };
-    cluster(&items, in_unit_cube(&items, bounds), quality)
+    let seen = in_unit_cube(&items, &boxes);
+    drop(boxes);
+    cluster(&items, seen, quality)
 }
 
 /// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
 /// in the order of the members. Cells are those of the members' centroids, so that all members are one crowd only
 /// if their centroids are equal.
-fn crowded_cells(members: &[u32], bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<Vec<u32>>) {
-    let of_chunk = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| bounds(i).center()));
+fn crowded_cells(members: &[u32], boxes: &[Bounds]) -> (Vec<u32>, Vec<Vec<u32>>) {
+    let of_chunk = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| boxes[i as usize].center()));
     let centroids = members.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let cells_per_unit = 1.0 / centroids.size().max_element() * f64::from(1 << 20);
     let cell = |i: u32| -> u64 {
-        let offset = bounds(i).center() - centroids.min;
+        let offset = boxes[i as usize].center() - centroids.min;
         let scaled = if cells_per_unit.is_finite() { offset * cells_per_unit } else { DVec3::ZERO };
         (scaled.x as u64) << 42 | (scaled.y as u64) << 21 | scaled.z as u64
     };
@@ -348,8 +358,8 @@ const REACH: f32 = 1.0 / (1 << 22) as f32;
 
 /// The boxes moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
 /// builder's single precision.
-fn in_unit_cube(items: &Items, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Vec<Boxed> {
-    let ones = || items.ones.par_iter().with_min_len(CHUNK).map(|&i| bounds(i));
+fn in_unit_cube(items: &Items, boxes: &[Bounds]) -> Vec<Boxed> {
+    let ones = || items.ones.par_iter().with_min_len(CHUNK).map(|&i| boxes[i as usize]);
     let crowds = || items.crowd_bounds.par_iter().with_min_len(CHUNK).copied();
     let all = ones().chain(crowds()).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let center = all.center();

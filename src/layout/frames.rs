@@ -36,8 +36,12 @@ impl Search {
 /// Rotations worth trying for some triangles, world from group: at most three for each direction looked for, none that
 /// is nearly another one of them or the identity. Coefficients are single-precision numbers. None where no triangle has
 /// an area.
-pub(super) fn rotations(triangles: impl ExactSizeIterator<Item = [DVec3; 3]>, search: Search) -> Vec<DMat3> {
-    let votes = Votes::of(triangles, search.voters);
+pub(super) fn rotations<T>(
+    triangles: impl ExactSizeIterator<Item = T>,
+    corners: impl Fn(T) -> [DVec3; 3],
+    search: Search,
+) -> Vec<DMat3> {
+    let votes = Votes::of(triangles, corners, search.voters);
     let normals = dominant(&votes.normals, search.directions);
     let edges = dominant(&votes.edges, search.directions);
     let mut found = Vec::new();
@@ -66,10 +70,10 @@ struct Votes {
 
 impl Votes {
     /// An even sample of the triangles votes, and among them all that have an area.
-    fn of(triangles: impl ExactSizeIterator<Item = [DVec3; 3]>, voters: usize) -> Votes {
+    fn of<T>(triangles: impl ExactSizeIterator<Item = T>, corners: impl Fn(T) -> [DVec3; 3], voters: usize) -> Votes {
         let step = triangles.len().div_ceil(voters).max(1);
         let mut votes = Votes { normals: Vec::new(), edges: Vec::new() };
-        for [a, b, c] in triangles.step_by(step) {
+        for [a, b, c] in triangles.step_by(step).map(corners) {
             let normal = (b - a).cross(c - a);
             let area = normal.length();
             if !(area > 0.0 && area.is_finite()) {
@@ -109,10 +113,10 @@ fn dominant(votes: &Directions, count: usize) -> Vec<DVec3> {
 
 /// The heaviest votes, of which no two are the same direction.
 fn heaviest(votes: &Directions, count: usize) -> Vec<DVec3> {
-    let mut order: Vec<usize> = (0..votes.len()).collect();
-    order.sort_by(|&a, &b| votes[b].1.total_cmp(&votes[a].1).then(a.cmp(&b)));
+    let mut order: Vec<(f64, usize)> = votes.iter().enumerate().map(|(at, vote)| (vote.1, at)).collect();
+    order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut seeds: Vec<DVec3> = Vec::new();
-    for at in order {
+    for (_, at) in order {
         if seeds.len() == count {
             break;
         }
@@ -191,15 +195,16 @@ mod tests {
 
     #[test]
     fn nothing_and_degenerate_triangles_have_no_frame() {
-        assert!(rotations([].into_iter(), Search::SCENE).is_empty());
+        assert!(rotations([].into_iter(), |t| t, Search::SCENE).is_empty());
         let flat = [[DVec3::ZERO; 3], [DVec3::ZERO, DVec3::X, DVec3::X * 2.0]];
-        assert!(rotations(flat.into_iter(), Search::SCENE).is_empty());
+        assert!(rotations(flat.into_iter(), |t| t, Search::SCENE).is_empty());
     }
 
     #[test]
     fn a_box_along_the_axes_needs_no_rotation() {
         assert!(
-            rotations(box_triangles(DVec3::new(1.0, 2.0, 3.0), DMat3::IDENTITY).into_iter(), Search::GROUP).is_empty()
+            rotations(box_triangles(DVec3::new(1.0, 2.0, 3.0), DMat3::IDENTITY).into_iter(), |t| t, Search::GROUP)
+                .is_empty()
         );
     }
 
@@ -207,7 +212,7 @@ mod tests {
         #[test]
         fn a_turned_box_is_turned_back(turned in any_rotation(), size in [0.1..9.0, 0.1..9.0, 0.1..9.0]) {
             let triangles = box_triangles(DVec3::from(size), turned);
-            let found = rotations(triangles.into_iter(), Search::GROUP);
+            let found = rotations(triangles.into_iter(), |t| t, Search::GROUP);
             let fits = |r: &DMat3| is_alike(r, &turned);
             prop_assert!(found.iter().any(fits) || is_alike(&DMat3::IDENTITY, &turned), "{found:?}");
         }
@@ -216,7 +221,7 @@ mod tests {
         fn rotations_are_orthonormal(corners in prop::collection::vec([-9.0..9.0, -9.0..9.0, -9.0..9.0], 3..60)) {
             let triangles: Vec<[DVec3; 3]> =
                 corners.chunks_exact(3).map(|c| [c[0], c[1], c[2]].map(DVec3::from)).collect();
-            for r in rotations(triangles.into_iter(), Search::SCENE) {
+            for r in rotations(triangles.into_iter(), |t| t, Search::SCENE) {
                 let off = (r.transpose() * r - DMat3::IDENTITY).to_cols_array().map(f64::abs);
                 prop_assert!(off.iter().all(|x| *x < 1e-6) && r.determinant() > 0.0);
             }

@@ -150,7 +150,7 @@ fn own_frame(soup: &Soup, tree: &Tree, node: u32, base: &Turned, refit: &mut Ref
 
 /// Frames made of some triangles that make the boxes of a sample of them clearly smaller: a tree takes longer to tell.
 pub(super) fn fitting_frames<'a>(soup: &'a Soup, items: &'a [u32], than: &Turned) -> impl Iterator<Item = Turned> + 'a {
-    let rotations = frames::rotations(items.iter().map(|&t| soup.corners(t)), Search::GROUP);
+    let rotations = frames::rotations(items.iter(), |&t| soup.corners(t), Search::GROUP);
     let sample = || items.iter().step_by(items.len().div_ceil(SAMPLE).max(1));
     let area = move |frame: &Turned| sample().map(|&t| soup.bounds_in(frame, t).area()).sum::<f64>();
     let most = TIGHTER * area(than);

@@ -16,13 +16,12 @@ use crate::cost::segments::Segment;
 use crate::cost::tree::{Quality, Tree};
 use crate::layout::builder::Object;
 use crate::layout::frames::{self, Search};
-use crate::scene::{Bounds, Scene};
+use crate::scene::Scene;
 
 /// Triangles, their tree in the frame that fits all of them best, and the frames that parts of it would rather have.
 pub(super) struct Ground {
     pub(super) soup: Soup,
     base: Turned,
-    boxes: Vec<Bounds>,
     tree: Tree,
     facts: Vec<Facts>,
     /// Whether parts may get frames of their own.
@@ -52,21 +51,16 @@ impl Ground {
     /// frames are looked for.
     pub(super) fn new(scene: &Scene, objects: &[Object], frames: bool) -> Option<Ground> {
         let soup = Soup::new(scene, objects);
-        let boxes = soup.boxes_in(&Turned::NOT);
-        let tree = Tree::build_usable(&boxes, Quality::Medium);
+        let tree_in =
+            |frame: &Turned| Tree::build_from(soup.len(), Quality::Medium, &|triangle| soup.bounds_in(frame, triangle));
+        let tree = tree_in(&Turned::NOT);
         if tree.order.len() < soup.len() || tree.nodes.is_empty() {
             return None;
         }
         let base = if frames { best_frame(&soup, &tree) } else { Turned::NOT };
-        let (tree, boxes) = match base == Turned::NOT {
-            true => (tree, boxes),
-            false => {
-                let boxes = soup.boxes_in(&base);
-                (Tree::build(&boxes, Quality::Medium), boxes)
-            }
-        };
+        let tree = if base == Turned::NOT { tree } else { tree_in(&base) };
         let facts = facts::facts(&soup, &tree, &base);
-        Some(Ground { soup, base, boxes, tree, facts, turns: frames, parts: OnceCell::new(), rays: RefCell::default() })
+        Some(Ground { soup, base, tree, facts, turns: frames, parts: OnceCell::new(), rays: RefCell::default() })
     }
 
     /// The box around all triangles.
@@ -112,7 +106,7 @@ impl Ground {
     fn by_rays(&self, segments: &Arc<[Segment]>) -> ByRays {
         let last = self.rays.take().filter(|last| Arc::ptr_eq(&last.segments, segments));
         let found = last.unwrap_or_else(|| {
-            let met = Met::new(&self.soup, &self.tree, &self.boxes, &self.facts, &self.base, segments);
+            let met = Met::new(&self.soup, &self.tree, &self.facts, &self.base, segments);
             let parts = self.parts().map(|parts| {
                 let shares = units::shares(&self.soup, &self.tree, met.facts());
                 let units = met.units(&parts.units, &shares, &self.soup, segments);
@@ -148,13 +142,14 @@ impl Ground {
     }
 
     fn cut_rest(&self, rest: &[u32], limits: &Limits, segments: &[Segment]) -> (Vec<Group>, f64) {
-        let boxes: Vec<Bounds> = rest.iter().map(|&t| self.boxes[t as usize]).collect();
-        let mut tree = Tree::build(&boxes, Quality::Medium);
+        let (soup, base) = (&self.soup, &self.base);
+        let bounds = |i: u32| soup.bounds_in(base, rest[i as usize]);
+        let mut tree = Tree::build_from(rest.len(), Quality::Medium, &bounds);
         tree.order.iter_mut().for_each(|i| *i = rest[*i as usize]);
         let mut facts = facts::facts(&self.soup, &tree, &self.base);
         let mut own = facts::own_frames(&self.soup, &tree, &facts, &self.base);
         if !segments.is_empty() {
-            let met = Met::new(&self.soup, &tree, &self.boxes, &facts, &self.base, segments);
+            let met = Met::new(&self.soup, &tree, &facts, &self.base, segments);
             own = met.own(&own);
             facts = met.into_facts();
         }
@@ -166,7 +161,7 @@ impl Ground {
 fn best_frame(soup: &Soup, tree: &Tree) -> Turned {
     let mut refit = Refit::default();
     let mut cost = |frame: &Turned| refit.part(tree, 0, |t| soup.bounds_in(frame, t)).cost;
-    let rotations = frames::rotations((0..soup.len() as u32).map(|t| soup.corners(t)), Search::SCENE);
+    let rotations = frames::rotations(0..soup.len() as u32, |t| soup.corners(t), Search::SCENE);
     let world = WORTH_TURNING * cost(&Turned::NOT);
     let tried = rotations.into_iter().map(Turned::by).map(|frame| (cost(&frame), frame));
     tried.fold((world, Turned::NOT), |best, tried| if tried.0 < best.0 { tried } else { best }).1

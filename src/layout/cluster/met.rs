@@ -33,16 +33,10 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// Of a tree over some triangles of a soup in a frame; `boxes` are those of all triangles in that frame.
-    pub(super) fn new(
-        soup: &Soup,
-        tree: &Tree,
-        boxes: &[Bounds],
-        facts: &[Facts],
-        base: &Turned,
-        segments: &[Segment],
-    ) -> Met {
-        let boxed = Boxed { bounds: tree.bounds(boxes), tree: tree.clone() };
+    /// Of a tree over some triangles of a soup in a frame.
+    pub(super) fn new(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned, segments: &[Segment]) -> Met {
+        let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &t| all.union(&soup.bounds_in(base, t)));
+        let boxed = Boxed { bounds: tree.refit(around, Bounds::union), tree: tree.clone() };
         let counts = counts_of_nodes(&boxed, segments, &soup.seen_in(base));
         let mut of_box = vec![1.0; facts.len()];
         for (at, node) in tree.nodes.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
@@ -157,7 +151,6 @@ mod tests {
     struct Known {
         soup: Soup,
         tree: Tree,
-        boxes: Vec<Bounds>,
         facts: Vec<Facts>,
     }
 
@@ -168,14 +161,13 @@ mod tests {
         let scene: Scene = builder.scene();
         let objects: Vec<Object> = objects(&scene, [0, 1].map(InstanceId));
         let soup = Soup::new(&scene, &objects);
-        let boxes = soup.boxes_in(&Turned::NOT);
-        let tree = Tree::build(&boxes, Quality::Medium);
+        let tree = Tree::build_from(soup.len(), Quality::Medium, &|t| soup.bounds_in(&Turned::NOT, t));
         let facts = facts(&soup, &tree, &Turned::NOT);
-        Known { soup, tree, boxes, facts }
+        Known { soup, tree, facts }
     }
 
     fn met(known: &Known, segments: &[Segment]) -> Met {
-        Met::new(&known.soup, &known.tree, &known.boxes, &known.facts, &Turned::NOT, segments)
+        Met::new(&known.soup, &known.tree, &known.facts, &Turned::NOT, segments)
     }
 
     /// The node of all triangles of the first row, and that of the second's.

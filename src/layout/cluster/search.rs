@@ -361,7 +361,7 @@ mod tests {
 
     #[test]
     fn nothing_costs_more_than_before() {
-        let at = |i: u32| Vec3::new((i * 7 % 13) as f32, (i * 5 % 11) as f32, (i * 3 % 7) as f32) * 0.5;
+        let at = |i: u32| Vec3::new((i * 7 % 13) as f32, (i * 5 % 11) as f32, (i * 3 % 7) as f32) * 0.05;
         let soup = piles(&(0..40).map(at).collect::<Vec<_>>());
         let turned = Turned::by(DMat3::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.5));
         let frame = |i: u32| if i.is_multiple_of(3) { turned } else { Turned::NOT };

@@ -52,18 +52,14 @@ impl Soup {
 
     /// Takes what is in the world to where it is seen in a frame.
     pub(super) fn seen_in(&self, frame: &Turned) -> DAffine3 {
-        let matrix3 = frame.into * self.unit;
+        let matrix3 = frame.rotation.transpose() * self.unit;
         DAffine3 { matrix3, translation: -(matrix3 * self.middle) }
     }
 
     /// The box of a triangle in a frame.
     pub(super) fn bounds_in(&self, frame: &Turned, triangle: u32) -> Bounds {
-        Bounds::of(self.corners(triangle).map(|p| frame.into * p))
-    }
-
-    /// The boxes of all triangles in a frame.
-    pub(super) fn boxes_in(&self, frame: &Turned) -> Vec<Bounds> {
-        (0..self.len() as u32).into_par_iter().map(|t| self.bounds_in(frame, t)).collect()
+        let into = frame.rotation.transpose();
+        Bounds::of(self.corners(triangle).map(|p| into * p))
     }
 }
 
@@ -72,22 +68,20 @@ pub(super) fn tightest([a, b, c]: [DVec3; 3]) -> f64 {
     2.0 * (b - a).cross(c - a).length()
 }
 
-/// A rotation and its inverse.
+/// A rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turned {
     /// World from group.
     pub(super) rotation: DMat3,
-    /// Group from world.
-    into: DMat3,
 }
 
 impl Turned {
     /// The axes of the world.
-    pub(super) const NOT: Turned = Turned { rotation: DMat3::IDENTITY, into: DMat3::IDENTITY };
+    pub(super) const NOT: Turned = Turned { rotation: DMat3::IDENTITY };
 
     /// The frame of a rotation.
     pub(super) fn by(rotation: DMat3) -> Turned {
-        Turned { rotation, into: rotation.transpose() }
+        Turned { rotation }
     }
 
     /// World box of a box in this frame, as a driver computes it.
