@@ -49,6 +49,7 @@ fn sheets(meshes: u32, n: u32, instances: u32) -> (Scene, Layout) {
         node: i,
         source_node: i,
         source_copy: None,
+        source_index: 0,
         stand_in: None,
         copy: 0,
         mesh: MeshId(i % meshes),

@@ -50,10 +50,13 @@ pub struct Node {
     pub unknown_extensions: Vec<String>,
     /// What the node stands for in the input, if an earlier bake recorded it.
     pub source: Option<NodeSource>,
+    /// What each copy stands for, where an earlier bake made one node of many; else empty.
+    pub copy_sources: Vec<NodeSource>,
 }
 
 /// `extras.raykiln.source` of an output node: `{"node": n}`, of a node that places a copy of what `n` placed
-/// `{"node": n, "mesh": m, "runs": accessor}`.
+/// `{"node": n, "mesh": m, "runs": accessor}`. For the copies of one node that was made of many it is `{"nodes": accessor,
+/// "meshes": accessor, "runs": accessor}`, with a node, and if need be a mesh, for every copy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeSource {
     /// Node of the input.

@@ -15,7 +15,7 @@ use raykiln_formats::{Document, Warning};
 use crate::choose::{self, ChooseOptions};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::{self, Metrics};
-use crate::emit;
+use crate::emit::{self, Copied, Instancing};
 use crate::layout::{self, Layout, Method};
 use crate::report::{self, BakeReport, Input, Pass, Seconds, Verdict};
 use crate::scene::{self, LoadOptions, Scene};
@@ -35,8 +35,22 @@ pub struct BakeOptions {
     pub load: LoadOptions,
     /// Drop empty nodes nobody refers to.
     pub prune: bool,
+    /// Write instances of one mesh as copies of one node where the largest position error allowed is kept.
+    pub copy_instances: bool,
     /// How the output is verified.
     pub verify: VerifyOptions,
+}
+
+impl BakeOptions {
+    /// How documents are made.
+    fn emit(&self) -> emit::Options {
+        let max_position_error_ratio = self.verify.max_position_error_ratio;
+        let instancing = match self.copy_instances {
+            true => Instancing::Extension { max_position_error_ratio },
+            false => Instancing::Nodes,
+        };
+        emit::Options { prune: self.prune, instancing }
+    }
 }
 
 /// Why a bake came to nothing.
@@ -107,6 +121,7 @@ pub fn bake(
         seconds: Seconds::default(),
         peak_memory_bytes: None,
         output_bytes: written.staged.bytes(),
+        copied: written.copied,
         warnings: words(&[&doc.warnings, &scene_warnings, &written.staged.warnings]),
         notes,
     };
@@ -180,7 +195,7 @@ impl Tried {
         clock: &mut Clock,
     ) -> Result<Tried, BakeError> {
         clock.enter(Stage::Write);
-        let written = write(doc, scene, layout, output, options.prune)?;
+        let written = write(doc, scene, layout, output, &options.emit())?;
         crate::copies::undo(scene);
         clock.enter(Stage::Verify);
         let after = read_back(&written, output)?;
@@ -195,6 +210,8 @@ struct Written {
     staged: Staged,
     /// Whether the output is the input.
     unchanged: bool,
+    /// What became copies of one node; `None` where that was not asked for.
+    copied: Option<Copied>,
     passes: Vec<Pass>,
     notes: Vec<String>,
 }
@@ -205,23 +222,52 @@ fn write(
     scene: &Scene,
     layout: &Layout,
     output: &Path,
-    prune: bool,
+    options: &emit::Options,
 ) -> Result<Written, raykiln_formats::Error> {
     let start = Instant::now();
     let regrouped = !emit::is_input(scene, layout);
-    let emitted = (regrouped || prune).then(|| emit::emit(doc, scene, layout, prune));
-    let pruned = emitted.as_ref().map_or(0, |e| e.pruned_nodes);
+    let as_copies = options.instancing != Instancing::Nodes;
+    let emitted = (regrouped || options.prune || as_copies).then(|| emit::emit(doc, scene, layout, options));
+    let (pruned, copied) = emitted.as_ref().map_or((0, Copied::default()), |e| (e.pruned_nodes, e.copied));
     let mut passes = Vec::new();
-    if prune {
+    let mut pass = |name: &'static str, applied: bool, reason: String| {
+        passes.push(Pass { name, applied, reason, seconds: start.elapsed().as_secs_f64() });
+    };
+    let mut notes = Vec::new();
+    if as_copies {
+        notes.push(words_of_copies(&copied));
+        pass("instancing extension", copied.nodes > 0, words_of_copies(&copied));
+    }
+    if options.prune {
         let reason = match pruned {
             0 => "every node shows something or is referred to".to_owned(),
             n => format!("{n} nodes showed nothing and nothing referred to them"),
         };
-        passes.push(Pass { name: "prune", applied: pruned > 0, reason, seconds: start.elapsed().as_secs_f64() });
+        pass("prune", pruned > 0, reason);
     }
-    match emitted.filter(|_| regrouped || pruned > 0) {
-        Some(e) => Ok(Written { staged: e.document.stage(output)?, unchanged: false, passes, notes: e.notes }),
-        None => Ok(Written { staged: doc.stage_unchanged(output)?, unchanged: true, passes, notes: Vec::new() }),
+    let copied_if_asked = as_copies.then_some(copied);
+    match emitted.filter(|_| regrouped || pruned > 0 || copied.nodes > 0) {
+        Some(e) => {
+            let staged = e.document.stage(output)?;
+            Ok(Written { staged, unchanged: false, copied: copied_if_asked, passes, notes: [notes, e.notes].concat() })
+        }
+        None => {
+            let staged = doc.stage_unchanged(output)?;
+            Ok(Written { staged, unchanged: true, copied: copied_if_asked, passes, notes })
+        }
+    }
+}
+
+fn words_of_copies(copied: &Copied) -> String {
+    let Copied { nodes, copies, stay } = *copied;
+    let stay = match stay {
+        0 => String::new(),
+        n => format!("; {n} stay nodes, as no translation, rotation and scale come close enough to their transforms"),
+    };
+    match nodes {
+        0 => format!("no two instances of one mesh can become copies of one node{stay}"),
+        1 => format!("{copies} instances are copies of 1 node: {} nodes fewer place a mesh{stay}", copies - 1),
+        n => format!("{copies} instances are copies of {n} nodes: {} nodes fewer place a mesh{stay}", copies - nodes),
     }
 }
 

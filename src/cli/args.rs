@@ -134,6 +134,9 @@ pub(super) struct BakeArguments {
     /// Drop empty nodes that nothing refers to
     #[arg(long)]
     prune: bool,
+    /// How instances of one mesh are written
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = InstancingArgument::Nodes)]
+    instancing: InstancingArgument,
     /// Which meshes become instances of another that they are a copy of
     /// [default: rigid for auto, off otherwise]
     #[arg(long, value_enum, value_name = "LIKENESS")]
@@ -249,6 +252,14 @@ pub(super) enum MatchArgument {
     Identity,
     /// Not at all: only what rays see is compared
     Surface,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum InstancingArgument {
+    /// Each as a node, but for copies that the input has by EXT_mesh_gpu_instancing and that are not written out
+    Nodes,
+    /// As copies of one node, by EXT_mesh_gpu_instancing, where --max-position-error-ratio allows; then required of readers
+    Extension,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -404,6 +415,7 @@ impl BakeArguments {
             copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),
             load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
             prune: self.prune,
+            copy_instances: self.instancing == InstancingArgument::Extension,
             verify: self.verify.options(),
         })
     }

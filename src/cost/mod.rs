@@ -136,6 +136,7 @@ mod tests {
             node: 0,
             source_node: 0,
             source_copy: None,
+            source_index: 0,
             copy: 0,
             mesh: MeshId(mesh),
             transform,

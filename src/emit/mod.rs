@@ -9,18 +9,23 @@
 //! | emptied node | `mesh` | name and extras of the mesh it placed |
 //! | new child node, renumbered node | `source.node` | the input's node it stands for |
 //! | node that places a copy | `source.node`, `source.mesh` | the input's node and mesh it stands for |
+//! | node with many copies | `source.nodes`, `source.meshes` | the same for each copy |
 //! | node that places a copy | `source.runs` | see [`TriangleOrder`](crate::scene::TriangleOrder); absent where both are in the same order |
 //! | primitive left as it is | `source` | mesh and primitive of the input |
 //! | rewritten primitive | `provenance` | see [`Provenance`](raykiln_formats::contents::Provenance) |
 
 mod gather;
+mod instancing;
 mod nodes;
 mod precision;
 mod primitive;
 mod prune;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_of_copies;
 
+pub use instancing::{Copied, Instancing};
 pub use precision::{Settled, settle};
 
 use raykiln_formats::Document;
@@ -29,14 +34,17 @@ use rayon::prelude::*;
 use crate::layout::{Content, Layout};
 use crate::scene::Scene;
 use gather::{Gathered, Sources};
+use instancing::Batches;
 
 /// A document made from a layout.
 #[derive(Clone, Debug)]
 pub struct Emitted {
     /// The new document.
     pub document: Document,
-    /// The largest distance between a stored position and the exact one, in world units.
+    /// No stored position is farther than this from the exact one, in world units.
     pub position_error: f64,
+    /// What became copies of one node.
+    pub copied: Copied,
     /// Nodes that `--prune` dropped.
     pub pruned_nodes: usize,
     /// What could not be done, in words.
@@ -53,12 +61,22 @@ pub fn is_input(scene: &Scene, layout: &Layout) -> bool {
     is_unchanged(layout) && scene.instances.iter().all(|i| i.stand_in.is_none())
 }
 
+/// How documents are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Drop empty nodes nobody refers to.
+    pub prune: bool,
+    /// How several instances of a mesh are written.
+    pub instancing: Instancing,
+}
+
 /// Makes the document that shows `layout`, from the document the scene was loaded from.
-pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, prune: bool) -> Emitted {
+pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -> Emitted {
     let sources = Sources::new(doc, scene);
     let gathered: Vec<Option<Gathered>> =
         layout.groups.par_iter().map(|group| gather::gather(&sources, &group.content)).collect();
-    let position_error = gathered.iter().flatten().map(|g| g.position_error).fold(0.0, f64::max);
+    let batches = Batches::of(doc, scene, layout, options.instancing);
+    let position_error = gathered.iter().flatten().map(|g| g.position_error).fold(batches.error, f64::max);
 
     let mut document = doc.clone();
     let mut notes = Vec::new();
@@ -74,10 +92,10 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, prune: bool) -> Emit
             (None, _) => unreachable!("only kept meshes are not gathered"),
         })
         .collect();
-    nodes::place(&mut document, scene, layout, &meshes);
-    let pruned_nodes = if prune { prune::drop_empty_nodes(&mut document, scene.nodes, &mut notes) } else { 0 };
+    nodes::place(&mut document, scene, layout, &meshes, &batches);
+    let pruned_nodes = if options.prune { prune::drop_empty_nodes(&mut document, scene.nodes, &mut notes) } else { 0 };
     if let Some(extension) = document.compact().held_by {
         notes.push(format!("unused data stays in the file: the extension {extension} may refer to it"));
     }
-    Emitted { document, position_error, pruned_nodes, notes }
+    Emitted { document, position_error, copied: batches.copied, pruned_nodes, notes }
 }

@@ -6,11 +6,12 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 use raykiln_formats::Document;
 use serde_json::{Map, Value, json};
 
+use super::instancing::Batches;
 use super::primitive::{push, push_runs, raykiln_extras, remove_key};
 use crate::layout::{Content, Layout};
-use crate::scene::{InstanceId, Scene, StandIn};
+use crate::scene::{InstanceId, Scene, StandIn, TriangleOrder};
 
-const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// What becomes of a node of the input whose mesh does not stay.
 #[derive(Default)]
@@ -27,21 +28,34 @@ struct Change<'a> {
 
 /// What all nodes that placed one mesh share.
 #[derive(Default)]
-struct Shared {
+pub(super) struct Shared {
     /// By mesh of the document: the mesh of its points and lines, if it has any.
     remainders: BTreeMap<u32, Option<usize>>,
     /// By mesh of the document: the accessor that tells which of its triangles those of its stand-in are.
     orders: BTreeMap<u32, usize>,
 }
 
-/// Makes the nodes of `document` place `meshes`, one for each group of the layout.
-pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, meshes: &[usize]) {
+impl Shared {
+    /// The accessor that tells which triangles of a mesh of the document those of its stand-in are.
+    pub(super) fn order(&mut self, document: &mut Document, mesh: u32, order: &TriangleOrder) -> usize {
+        *self.orders.entry(mesh).or_insert_with(|| push_runs(document, order.runs().as_flattened()))
+    }
+}
+
+/// Makes the nodes of `document` place `meshes`, one for each group of the layout; those of `batches` as copies of one
+/// node.
+pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, meshes: &[usize], batches: &Batches) {
     let mut changes: BTreeMap<u32, Change> = BTreeMap::new();
-    for placement in &layout.placements {
+    let mut shared = Shared::default();
+    let copied = batches.write(document, scene, layout, meshes, &mut shared);
+    for (placement, copied) in layout.placements.iter().zip(copied) {
         let group = &layout.groups[placement.group as usize];
         let mesh = meshes[placement.group as usize];
         let stand_in = placement.instance.and_then(|i| scene.instances[i.0 as usize].stand_in.as_ref());
         match (&group.content, placement.instance) {
+            (_, Some(instance)) if copied.is_some() => {
+                change_of(scene, instance, &mut changes).moved_to.extend(copied);
+            }
             (Content::Kept(_), _) if stand_in.is_none() => {}
             (Content::Kept(_) | Content::Piece(..), Some(instance)) => {
                 let change = change_of(scene, instance, &mut changes);
@@ -57,7 +71,6 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
             }
         }
     }
-    let mut shared = Shared::default();
     for (node, change) in changes {
         rewrite(document, layout, meshes, node as usize, change, &mut shared);
     }
@@ -74,7 +87,7 @@ fn change_of<'a, 'c>(
 }
 
 /// Adds a root node to the default scene; returns its index.
-fn push_root(document: &mut Document, name: &str, mesh: usize, transform: &DAffine3) -> usize {
+pub(super) fn push_root(document: &mut Document, name: &str, mesh: usize, transform: &DAffine3) -> usize {
     let mut node = Map::new();
     if !name.is_empty() {
         node.insert("name".into(), name.into());
@@ -163,8 +176,7 @@ fn source(document: &mut Document, node: usize, change: &Change, shared: &mut Sh
     if let Some(stand_in) = change.stand_in {
         source["mesh"] = change.mesh.into();
         if let Some(order) = &stand_in.order {
-            let accessor = shared.orders.entry(change.mesh);
-            source["runs"] = (*accessor.or_insert_with(|| push_runs(document, order.runs().as_flattened()))).into();
+            source["runs"] = shared.order(document, change.mesh, order).into();
         }
     }
     source

@@ -12,7 +12,7 @@ use crate::layout::{Group, GroupGeometry, Placement};
 use crate::scene::{self, InstanceId, LoadOptions, MeshId, Opacity, TriangleRef};
 
 /// Interleaves nothing: one buffer holds positions, normals, tangents (4 vertices each) and two triangles.
-fn document(nodes: Value, mesh: Value) -> Document {
+pub(super) fn document(nodes: Value, mesh: Value) -> Document {
     let positions: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.5]];
     let normals = [[0.0_f32, 0.0, 1.0]; 4];
     let tangents = [[1.0_f32, 0.0, 0.0, 1.0]; 4];
@@ -36,18 +36,22 @@ fn document(nodes: Value, mesh: Value) -> Document {
     Document { json, buffers: vec![bytes.into()], path: "test.gltf".into(), kind: Kind::Gltf, warnings: Vec::new() }
 }
 
-fn surface(material: u32) -> Value {
+pub(super) fn surface(material: u32) -> Value {
     json!({"attributes": {"POSITION": 0, "NORMAL": 1, "TANGENT": 2}, "indices": 3, "material": material})
 }
 
-fn load(doc: &Document) -> Scene {
+pub(super) fn pruned() -> Options {
+    Options { prune: true, ..Options::default() }
+}
+
+pub(super) fn load(doc: &Document) -> Scene {
     let (scene, _) = scene::load(doc, &LoadOptions::default()).expect("the document is sound");
     scene.check().expect("the scene is sound");
     scene
 }
 
 /// Material and world corners of every placed triangle, in an order of their own.
-fn shown(scene: &Scene) -> Vec<(Option<u32>, [DVec3; 3])> {
+pub(super) fn shown(scene: &Scene) -> Vec<(Option<u32>, [DVec3; 3])> {
     let mut all = Vec::new();
     for (i, instance) in scene.instances.iter().enumerate() {
         let mesh = &scene.meshes[instance.mesh.0 as usize];
@@ -107,7 +111,7 @@ fn floats(doc: &Document, name: &str) -> Vec<[f32; 3]> {
 fn a_baked_group_shows_the_same_triangles_with_the_same_facing() {
     let doc = two_nodes();
     let scene = load(&doc);
-    let emitted = emit(&doc, &scene, &baked(&scene), false);
+    let emitted = emit(&doc, &scene, &baked(&scene), &Options::default());
     let after = load(&emitted.document);
     assert_eq!(after.instances.len(), 1);
     let (before, after) = (shown(&scene), shown(&after));
@@ -125,7 +129,7 @@ fn a_baked_group_shows_the_same_triangles_with_the_same_facing() {
 fn emptied_nodes_keep_name_and_extras_and_say_where_their_triangles_went() {
     let doc = two_nodes();
     let scene = load(&doc);
-    let json = emit(&doc, &scene, &baked(&scene), false).document.json;
+    let json = emit(&doc, &scene, &baked(&scene), &Options::default()).document.json;
     assert_eq!(json["nodes"][0]["name"], "left");
     assert_eq!(json["nodes"][0]["extras"]["user"], 1);
     assert!(json["nodes"][0].get("mesh").is_none());
@@ -141,7 +145,7 @@ fn emptied_nodes_keep_name_and_extras_and_say_where_their_triangles_went() {
 fn provenance_names_node_mesh_primitive_and_triangles() {
     let doc = two_nodes();
     let scene = load(&doc);
-    let after = load(&emit(&doc, &scene, &baked(&scene), false).document);
+    let after = load(&emit(&doc, &scene, &baked(&scene), &Options::default()).document);
     let Some(raykiln_formats::contents::Provenance::Runs { sources, runs }) = &after.meshes[0].geometries[0].provenance
     else {
         panic!("no runs: {:?}", after.meshes[0].geometries[0].provenance)
@@ -158,7 +162,7 @@ fn normals_and_tangents_turn_with_their_instance() {
         json!({"primitives": [surface(0)]}),
     );
     let scene = load(&doc);
-    let emitted = emit(&doc, &scene, &baked(&scene), false);
+    let emitted = emit(&doc, &scene, &baked(&scene), &Options::default());
     for normal in floats(&emitted.document, "NORMAL") {
         assert!((glam::Vec3::from(normal) - glam::Vec3::X).length() < 1e-6, "{normal:?}");
     }
@@ -186,7 +190,7 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
         placements: vec![placement(0, 0), placement(1, 0), placement(0, 1), placement(1, 1)],
         notes: Vec::new(),
     };
-    let document = emit(&doc, &scene, &layout, false).document;
+    let document = emit(&doc, &scene, &layout, &Options::default()).document;
     let after = load(&document);
     assert_eq!(shown(&scene), shown(&after));
     assert_eq!(after.meshes.len(), 2);
@@ -195,7 +199,7 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
 }
 
 /// The first triangle of the mesh in one piece and the second in another, for all instances.
-fn opened(scene: &Scene) -> Layout {
+pub(super) fn opened(scene: &Scene) -> Layout {
     let piece = |triangle: u32| Group {
         name: format!("quad.{triangle}"),
         content: Content::Piece(MeshId(0), vec![geometry(scene, &[(0, triangle)])]),
@@ -224,7 +228,7 @@ fn opened_instances_below_a_shared_parent_stay_in_their_place() {
     doc.json["scenes"][0]["nodes"] = json!([0]);
     let scene = load(&doc);
     assert_eq!(scene.instances.len(), 4);
-    let document = emit(&doc, &scene, &opened(&scene), false).document;
+    let document = emit(&doc, &scene, &opened(&scene), &Options::default()).document;
     let after = load(&document);
     assert_eq!(shown(&scene), shown(&after));
     assert_eq!((after.meshes.len(), after.instances.len()), (2, 8));
@@ -252,7 +256,7 @@ fn pieces_of_instanced_copies_are_children_with_the_copies() {
     doc.buffers = vec![bytes.into()];
     let scene = load(&doc);
     assert_eq!(scene.instances.len(), 3);
-    let document = emit(&doc, &scene, &opened(&scene), false).document;
+    let document = emit(&doc, &scene, &opened(&scene), &Options::default()).document;
     let after = load(&document);
     assert_eq!(shown(&scene), shown(&after));
     assert!(document.json["nodes"][0].get("extensions").is_none());
@@ -268,7 +272,7 @@ fn points_and_lines_beside_triangles_stay_where_they_are() {
     let doc = document(json!([{"mesh": 0, "name": "both"}]), json!({"primitives": [surface(0), lines]}));
     let scene = load(&doc);
     assert!(!scene.meshes[0].dropped);
-    let json = emit(&doc, &scene, &baked(&scene), false).document.json;
+    let json = emit(&doc, &scene, &baked(&scene), &Options::default()).document.json;
     let kept = &json["meshes"][json["nodes"][0]["mesh"].as_u64().expect("the node keeps a mesh") as usize];
     assert_eq!(kept["primitives"].as_array().map(Vec::len), Some(1));
     assert_eq!(kept["primitives"][0]["mode"], 1);
@@ -280,7 +284,7 @@ fn pruning_drops_emptied_nodes_but_none_that_something_refers_to() {
     doc.json["nodes"][1]["camera"] = json!(0);
     doc.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]);
     let scene = load(&doc);
-    let emitted = emit(&doc, &scene, &baked(&scene), true);
+    let emitted = emit(&doc, &scene, &baked(&scene), &pruned());
     assert_eq!(emitted.pruned_nodes, 1);
     let nodes = emitted.document.json["nodes"].as_array().expect("nodes remain");
     assert_eq!(nodes.iter().map(|n| n["name"].as_str()).collect::<Vec<_>>(), [Some("mirrored"), Some("all")]);
@@ -302,11 +306,11 @@ fn renumbered_nodes_say_which_node_of_the_input_they_are() {
         }],
         notes: Vec::new(),
     };
-    let emitted = emit(&doc, &scene, &kept, true);
+    let emitted = emit(&doc, &scene, &kept, &pruned());
     assert_eq!(emitted.pruned_nodes, 1);
     let after = load(&emitted.document);
     assert_eq!((after.instances[0].node, after.instances[0].source_node), (0, 1));
-    let again = load(&emit(&emitted.document, &after, &kept, false).document);
+    let again = load(&emit(&emitted.document, &after, &kept, &Options::default()).document);
     assert_eq!(again.instances[0].source_node, 0, "an earlier bake's record does not outlive the next bake");
 }
 
@@ -318,7 +322,7 @@ fn far_groups_are_stored_around_their_centre() {
     let limit = 1e-6 * scene.bounds().diagonal();
     let settled = settle(&scene, &mut layout, 1e-6);
     assert_eq!((settled.centred, settled.refused.len()), (1, 0));
-    let emitted = emit(&doc, &scene, &layout, false);
+    let emitted = emit(&doc, &scene, &layout, &Options::default());
     assert!(emitted.position_error <= limit, "{}", emitted.position_error);
     let after = load(&emitted.document);
     assert!(after.bounds().center().distance(dvec3(1e7 + 1.0, 0.75, 0.25)) < 1e-6);

@@ -178,6 +178,7 @@ mod tests {
             node: i as u32,
             source_node: i as u32,
             source_copy: None,
+            source_index: 0,
             stand_in: None,
             copy: 0,
             mesh: MeshId(i as u32),

@@ -43,6 +43,7 @@ impl SceneBuilder {
             node,
             source_node: node,
             source_copy: None,
+            source_index: 0,
             copy: 0,
             mesh,
             transform,

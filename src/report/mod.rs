@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::cost::Metrics;
+use crate::emit::Copied;
 use crate::scene::Scene;
 use crate::verify::Verification;
 use crate::verify::build::BlasPer;
@@ -46,6 +47,9 @@ pub struct BakeReport {
     pub peak_memory_bytes: Option<u64>,
     /// Size of the output's files.
     pub output_bytes: u64,
+    /// With `--instancing extension`: instances written as copies of one node.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub copied: Option<Copied>,
     /// What the reader mended or left out.
     pub warnings: Vec<String>,
     /// What the method and the writer left out, and why.

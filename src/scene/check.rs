@@ -117,6 +117,7 @@ mod tests {
                 node: 0,
                 source_node: 0,
                 source_copy: None,
+                source_index: 0,
                 stand_in: None,
                 copy: 0,
                 mesh: MeshId(0),

@@ -180,12 +180,15 @@ fn instances(
                 return Err(Error::at(&doc.path, place, "the transform into the world overflows"));
             }
             let singular = is_singular(&transform).then_some(Pinned::Singular);
+            let own_source = node.copy_sources.get(copy);
+            let source_of = own_source.or(node.source.as_ref());
             instances.push(Instance {
                 name: name.clone(),
                 node: s.node as u32,
-                source_node: node.source.as_ref().map_or(s.node as u32, |source| source.node),
-                source_copy: node.source.as_ref().and_then(|source| source.copy_of.clone()),
+                source_node: source_of.map_or(s.node as u32, |source| source.node),
+                source_copy: source_of.and_then(|source| source.copy_of.clone()),
                 copy: copy as u32,
+                source_index: if own_source.is_some() { 0 } else { copy as u32 },
                 mesh,
                 transform,
                 stand_in: None,

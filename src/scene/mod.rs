@@ -95,6 +95,9 @@ pub struct Instance {
     pub source_copy: Option<CopyOf>,
     /// Copy within the node (`EXT_mesh_gpu_instancing`), else 0.
     pub copy: u32,
+    /// Copy within `source_node`: 0 where the copies of the node stand for nodes of their own (a bake's output), else
+    /// `copy`.
+    pub source_index: u32,
     /// What is placed.
     pub mesh: MeshId,
     /// World from mesh, finite.

@@ -134,10 +134,10 @@ impl<'a> Identity<'a> {
 
     /// A primitive of `before` as an instance of `after` places it or a copy of it.
     fn placed_piece(&self, placing: &'a Instance, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
-        let node = self.stands_for(placing);
+        let (node, copy) = self.stands_for(placing);
         match placing.source_copy.as_ref().filter(|_| !self.unchanged) {
-            Some(of) => self.copied_piece(node, placing.copy, of, mesh, primitive),
-            None => self.piece(node, placing.copy, mesh, primitive),
+            Some(of) => self.copied_piece(node, copy, of, mesh, primitive),
+            None => self.piece(node, copy, mesh, primitive),
         }
     }
 
@@ -158,9 +158,9 @@ impl<'a> Identity<'a> {
         Some(self.placed[at].2)
     }
 
-    /// The node of `before` that an instance of `after` stands for.
-    fn stands_for(&self, placing: &Instance) -> u32 {
-        if self.unchanged { placing.node } else { placing.source_node }
+    /// The node of `before` that an instance of `after` stands for, and which of its copies.
+    fn stands_for(&self, placing: &Instance) -> (u32, u32) {
+        if self.unchanged { (placing.node, placing.copy) } else { (placing.source_node, placing.source_index) }
     }
 
     fn piece(&self, node: u32, copy: u32, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
@@ -254,8 +254,8 @@ fn run_of(starts: &[u64], in_file: u64, hint: usize) -> Option<usize> {
 fn is_unchanged(before: &Scene, after: &Scene) -> bool {
     let same_instances = before.instances.len() == after.instances.len()
         && before.instances.iter().zip(&after.instances).all(|(a, b)| {
-            (a.node, a.source_node, a.copy, a.mesh, &a.source_copy)
-                == (b.node, b.source_node, b.copy, b.mesh, &b.source_copy)
+            (a.node, a.source_node, a.copy, a.source_index, a.mesh, &a.source_copy)
+                == (b.node, b.source_node, b.copy, b.source_index, b.mesh, &b.source_copy)
         });
     let same_geometry = |(a, b): (&Geometry, &Geometry)| a.primitive == b.primitive && a.provenance == b.provenance;
     same_instances

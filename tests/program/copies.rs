@@ -151,9 +151,24 @@ fn pruned_nodes_do_not_lead_astray() {
     let folder = TempDir::new().expect("a temporary folder");
     let input = flattened(folder.path(), 12);
     let output = folder.path().join("pruned.glb");
-    let report = bake(&input, &output, &["--method", "keep", "--copies", "rigid", "--prune"]);
-    assert_eq!(report["verify"]["mismatches"], 0);
+    let more = ["--method", "keep", "--copies", "rigid", "--prune"];
+    for instancing in ["nodes", "extension"] {
+        let report = bake(&input, &output, &[&more[..], &["--instancing", instancing]].concat());
+        assert_eq!(report["verify"]["mismatches"], 0);
+        Surface::of_input(&input).assert_shown_by(&Surface::of_output(&output));
+    }
+}
+
+#[test]
+fn copies_become_copies_of_one_node_that_names_their_meshes() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let input = flattened(folder.path(), 12);
+    let output = folder.path().join("copies.glb");
+    let report = bake(&input, &output, &["--method", "keep", "--copies", "rigid", "--instancing", "extension"]);
+    // Ten and two are in one order of triangles each.
+    assert_eq!(report["copied"], json!({"nodes": 2, "copies": 12, "stay": 0}));
     Surface::of_input(&input).assert_shown_by(&Surface::of_output(&output));
+    assert_eq!(verify(&input, &output)["matched_by"], "identity");
 }
 
 #[test]

@@ -21,7 +21,7 @@ fn open() -> (Vulkan, Device) {
 /// The scene of a file as a method lays it out.
 fn laid_out(document: &raykiln_formats::Document, scene: &Scene, method: Method) -> Scene {
     let layout = layout::run(method, scene, &layout::Options::default());
-    let emitted = emit::emit(document, scene, &layout, false);
+    let emitted = emit::emit(document, scene, &layout, &emit::Options::default());
     scene::load(&emitted.document, &LoadOptions::default()).expect("what is emitted is sound").0
 }
 

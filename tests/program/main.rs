@@ -10,6 +10,7 @@ mod determinism;
 mod device_hits;
 mod devices;
 mod faults;
+mod instancing;
 mod lab;
 mod mutations;
 mod roundtrip;

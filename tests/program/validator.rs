@@ -36,10 +36,11 @@ fn every_output_is_valid() {
         let folder = TempDir::new().expect("a temporary folder");
         let mut outputs = Vec::new();
         for sample in samples() {
-            for method in METHODS {
-                let output = folder.path().join(format!("{}-{method}", sample.name)).join("out").with_extension(kind);
+            for (method, instancing) in METHODS.into_iter().flat_map(|m| [(m, "nodes"), (m, "extension")]) {
+                let name = format!("{}-{method}-{instancing}", sample.name);
+                let output = folder.path().join(name).join("out").with_extension(kind);
                 std::fs::create_dir(output.parent().expect("a folder")).expect("a new folder");
-                bake(&sample.scene, &output, &["--method", method]);
+                bake(&sample.scene, &output, &["--method", method, "--instancing", instancing]);
                 outputs.push(output);
             }
         }

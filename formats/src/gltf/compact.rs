@@ -85,7 +85,9 @@ fn accessor_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
         }
     }
     for node in array(json, "nodes") {
-        node.pointer_mut("/extras/raykiln/source/runs").into_iter().for_each(&mut *visit);
+        for path in ["/extras/raykiln/source/runs", "/extras/raykiln/source/nodes", "/extras/raykiln/source/meshes"] {
+            node.pointer_mut(path).into_iter().for_each(&mut *visit);
+        }
         let instancing = node.get_mut("extensions").and_then(|e| e.get_mut(GPU_INSTANCING));
         values(instancing.and_then(|e| e.get_mut("attributes")), visit);
     }

@@ -16,7 +16,10 @@ pub(super) fn nodes(doc: &Document, warnings: &mut Vec<Warning>) -> Result<Vec<N
     let mut nodes = Vec::new();
     let mut sources = NodeSources::new(doc);
     for at in root.list("nodes")? {
-        nodes.push(Node { source: sources.of(&at, warnings), ..node(doc, &at, warnings)? });
+        let node = node(doc, &at, warnings)?;
+        let copies = node.copies.as_ref().map_or(0, Vec::len);
+        let copy_sources = sources.of_copies(&at, copies, warnings);
+        nodes.push(Node { source: sources.of(&at, warnings), copy_sources, ..node });
     }
     link_parents(&root, &mut nodes)?;
     check_acyclic(&root, &nodes)?;
@@ -42,6 +45,7 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
         in_other_scene: false,
         unknown_extensions: names.filter(|n| !extensions::is_harmless_on_nodes(n)).cloned().collect(),
         source: None,
+        copy_sources: Vec::new(),
     })
 }
 

@@ -51,15 +51,46 @@ impl<'d> NodeSources<'d> {
         Some(NodeSource { node: number, copy_of })
     }
 
+    /// What each of the copies of a node stands for; none where that is not recorded, or in a way that cannot be used,
+    /// which is reported.
+    pub(super) fn of_copies(&mut self, node: &At<'_>, copies: usize, warnings: &mut Vec<Warning>) -> Vec<NodeSource> {
+        let record = node.get("extras").and_then(|e| e.get("raykiln")).and_then(|r| r.get("source"));
+        let Some((source, nodes)) = record.and_then(|s| Some((s, s.get("nodes")?))) else { return Vec::new() };
+        self.read_copies(&source, &nodes, copies).unwrap_or_else(|cause| {
+            warnings.push(node.warning(format_args!("the record of an earlier bake is ignored: {cause}")));
+            Vec::new()
+        })
+    }
+
+    fn read_copies(&mut self, source: &At<'_>, nodes: &At<'_>, copies: usize) -> Result<Vec<NodeSource>, &'static str> {
+        let doc = self.doc;
+        let numbers = |at: &At<'_>| {
+            let numbers = unsigned(at.value).and_then(|accessor| scalars(doc, accessor));
+            numbers.filter(|n| n.len() == copies).ok_or("it does not hold a number for every copy")
+        };
+        let nodes = numbers(nodes)?;
+        let Some(meshes) = source.get("meshes") else {
+            return Ok(nodes.into_iter().map(|node| NodeSource { node, copy_of: None }).collect());
+        };
+        let order = self.order(source)?;
+        let copy_of = |mesh| Some(CopyOf { mesh, order: order.clone() });
+        let both = nodes.into_iter().zip(numbers(&meshes)?);
+        Ok(both.map(|(node, mesh)| NodeSource { node, copy_of: copy_of(mesh) }).collect())
+    }
+
     fn copy_of(&mut self, source: &At<'_>) -> Result<Option<CopyOf>, &'static str> {
         let Some(mesh) = source.get("mesh") else { return Ok(None) };
         let mesh = small(mesh.value).ok_or("\"mesh\" is malformed")?;
-        let Some(runs) = source.get("runs") else { return Ok(Some(CopyOf { mesh, order: None })) };
+        Ok(Some(CopyOf { mesh, order: self.order(source)? }))
+    }
+
+    /// The order that `runs` of a source names; `None` where it names none.
+    fn order(&mut self, source: &At<'_>) -> Result<Option<Arc<TriangleOrder>>, &'static str> {
+        let Some(runs) = source.get("runs") else { return Ok(None) };
         let accessor = unsigned(runs.value).ok_or("\"runs\" is malformed")?;
         let doc = self.doc;
         let order = self.orders.entry(accessor).or_insert_with(|| order(doc, accessor).map(Arc::new)).clone();
-        let order = order.ok_or("\"runs\" is no sound accessor of pairs of unsigned integers")?;
-        Ok(Some(CopyOf { mesh, order: Some(order) }))
+        order.map(Some).ok_or("\"runs\" is no sound accessor of pairs of unsigned integers")
     }
 }
 

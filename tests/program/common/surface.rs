@@ -122,17 +122,21 @@ impl File<'_> {
         placed
     }
 
-    /// The transforms of the copies a node places; of `EXT_mesh_gpu_instancing` only translations are read.
+    /// The transforms of the copies a node places.
     fn copies(&self, node: u64, world: DAffine3) -> Vec<DAffine3> {
         let attributes = &self.json("nodes", node)["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
-        match attributes.as_object() {
-            None => vec![world],
-            Some(attributes) => {
-                assert_eq!(attributes.keys().collect::<Vec<_>>(), ["TRANSLATION"]);
-                let moves = self.elements(attributes["TRANSLATION"].as_u64().expect("an accessor"));
-                moves.iter().map(|m| world * DAffine3::from_translation(DVec3::from_slice(m))).collect()
-            }
-        }
+        let Some(attributes) = attributes.as_object() else { return vec![world] };
+        let read = |name: &str| attributes.get(name).map(|a| self.elements(a.as_u64().expect("an accessor")));
+        let [moves, turns, scales] = ["TRANSLATION", "ROTATION", "SCALE"].map(read);
+        let moves = moves.expect("translations");
+        let of =
+            |list: &Option<Vec<Vec<f64>>>, i: usize, or: &[f64]| list.as_ref().map_or(or.to_vec(), |l| l[i].clone());
+        let place = |i: usize| {
+            let turn = DQuat::from_slice(&of(&turns, i, &[0.0, 0.0, 0.0, 1.0])).normalize();
+            let scale = DVec3::from_slice(&of(&scales, i, &[1.0; 3]));
+            world * DAffine3::from_scale_rotation_translation(scale, turn, DVec3::from_slice(&moves[i]))
+        };
+        (0..moves.len()).map(place).collect()
     }
 
     /// The triangles of a primitive with their origins.
@@ -173,7 +177,8 @@ impl File<'_> {
     fn origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
         let source = &self.json("nodes", part.node)["extras"]["raykiln"]["source"];
         let named = self.named_origins(part, primitive, triangles);
-        let Some(copied) = source["mesh"].as_u64() else { return named };
+        let own = source["meshes"].as_u64().map(|meshes| self.elements(meshes)[part.copy as usize][0] as u64);
+        let Some(copied) = own.or(source["mesh"].as_u64()) else { return named };
         let order: Option<Vec<u64>> = source["runs"].as_u64().map(|runs| {
             let runs = self.elements(runs).concat();
             runs.chunks(2).flat_map(|run| run[0] as u64..(run[0] + run[1]) as u64).collect()
@@ -187,19 +192,23 @@ impl File<'_> {
 
     /// The origins that `extras.raykiln` of a primitive names.
     fn named_origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
-        let node = self.json("nodes", part.node)["extras"]["raykiln"]["source"]["node"].as_u64().unwrap_or(part.node);
+        let source = &self.json("nodes", part.node)["extras"]["raykiln"]["source"];
+        let (node, copy) = match source["nodes"].as_u64() {
+            Some(nodes) => (self.elements(nodes)[part.copy as usize][0] as u64, 0),
+            None => (source["node"].as_u64().unwrap_or(part.node), part.copy),
+        };
         let record = &primitive["extras"]["raykiln"];
         let number = |value: &Value| value.as_u64().expect("a number");
         if let Some(source) = record["source"].as_object() {
             let (mesh, primitive) = (number(&source["mesh"]), number(&source["primitive"]));
-            return (0..triangles as u64).map(|t| [node, part.copy, mesh, primitive, t]).collect();
+            return (0..triangles as u64).map(|t| [node, copy, mesh, primitive, t]).collect();
         }
         let provenance = record["provenance"].as_object().unwrap_or_else(|| panic!("{part:?} has no provenance"));
         let runs = self.elements(number(&provenance["runs"])).concat();
         let run_origins = |run: &[f64]| -> Vec<Origin> {
             let source = &provenance["sources"][run[0] as usize];
             let [mesh, primitive] = [2, 3].map(|i| number(&source[i]));
-            let (node, copy) = source[0].as_u64().map_or((node, part.copy), |n| (n, number(&source[1])));
+            let (node, copy) = source[0].as_u64().map_or((node, copy), |n| (n, number(&source[1])));
             let (first, count) = (run[1] as u64, run[2] as u64);
             (first..first + count).map(|t| [node, copy, mesh, primitive, t]).collect()
         };
@@ -215,6 +224,7 @@ impl File<'_> {
             Some("SCALAR") => 1,
             Some("VEC2") => 2,
             Some("VEC3") => 3,
+            Some("VEC4") => 4,
             other => panic!("no accessor of type {other:?} is read"),
         };
         let kind = number(&accessor["componentType"]);

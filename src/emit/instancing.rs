@@ -1,0 +1,319 @@
+//! `--instancing extension`: instances of one mesh that a single node places, by `EXT_mesh_gpu_instancing`.
+//!
+//! The extension gives a node a list of copies, each a translation, a rotation and a scale in single precision. What a copy
+//! cannot say stays with the node it stands for: that node is emptied, and keeps its name, extras, children and place.
+//! The new node says of every copy which node it stands for (`source.nodes`).
+//!
+//! Not taken: instances that are pinned, those of nodes that have the extension already (whose copies may carry
+//! attributes of their own, such as `_ID`), those of nodes with no room to record where their mesh went, and those whose
+//! transform three such numbers do not hold within the position error allowed: all that shear.
+
+use std::collections::BTreeMap;
+
+use glam::{DAffine3, DVec3};
+use raykiln_formats::Document;
+use raykiln_formats::document::{Component, Element, NewAccessor, Target};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+
+use super::nodes::{INSTANCING, Shared, push_root};
+use crate::layout::{Content, GroupGeometry, Layout, Placement};
+use crate::scene::{Bounds, InstanceId, Scene};
+
+/// How several instances of a mesh are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Instancing {
+    /// Each as a node.
+    #[default]
+    Nodes,
+    /// As copies of one node, where its corners then move by no more than this share of the scene's diagonal.
+    Extension {
+        /// The largest distance between a corner and where the copy has it, over the scene's diagonal.
+        max_position_error_ratio: f64,
+    },
+}
+
+/// What became copies of a node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Copied {
+    /// Nodes that place a mesh for many.
+    pub nodes: usize,
+    /// Instances that they place.
+    pub copies: usize,
+    /// Instances of the same meshes that stay nodes, since a translation, a rotation and a scale in single precision do
+    /// not hold their transforms within the position error allowed.
+    pub stay: usize,
+}
+
+/// Instances of one group that become copies of one node.
+pub(super) struct Batch {
+    pub(super) group: u32,
+    /// Indices into the layout's placements, ascending.
+    placements: Vec<usize>,
+    copies: Vec<Copy>,
+    /// Where the node stands.
+    center: DVec3,
+    /// Bound on how far a corner moves.
+    error: f64,
+}
+
+/// One copy as the extension stores it.
+struct Copy {
+    translation: [f32; 3],
+    rotation: [f32; 4],
+    scale: [f32; 3],
+    /// Bound on how far a corner of the mesh is from where the instance has it.
+    error: f64,
+}
+
+/// All batches of a layout, in the order of the first instance of each.
+#[derive(Default)]
+pub(super) struct Batches {
+    pub(super) list: Vec<Batch>,
+    pub(super) copied: Copied,
+    /// Bound on how far any corner moves.
+    pub(super) error: f64,
+}
+
+impl Batches {
+    /// Finds what can be written as copies of a node.
+    pub(super) fn of(document: &Document, scene: &Scene, layout: &Layout, instancing: Instancing) -> Batches {
+        let Instancing::Extension { max_position_error_ratio } = instancing else { return Batches::default() };
+        let most_error = max_position_error_ratio * scene.bounds().diagonal();
+        let candidates = candidates(document, scene, layout);
+        let batch = |(group, placements): (u32, Vec<usize>)| -> (Option<Batch>, usize) {
+            let all = placements.len();
+            let batch = Batch::of(scene, layout, group, placements, most_error);
+            let stay = all - batch.as_ref().map_or(0, |b| b.copies.len());
+            (batch, stay)
+        };
+        let found: Vec<_> = candidates.into_par_iter().map(batch).collect();
+        let mut batches = Batches { list: Vec::new(), copied: Copied::default(), error: 0.0 };
+        for (batch, stay) in found {
+            batches.copied.stay += stay;
+            if let Some(batch) = batch {
+                batches.copied.copies += batch.copies.len();
+                batches.error = batches.error.max(batch.error);
+                batches.list.push(batch);
+            }
+        }
+        batches.copied.nodes = batches.list.len();
+        batches.list.sort_by_key(|b| (b.placements[0], b.group));
+        batches
+    }
+
+    /// Adds the nodes to the document; for each placement of the layout the node that has it as a copy.
+    pub(super) fn write(
+        &self,
+        document: &mut Document,
+        scene: &Scene,
+        layout: &Layout,
+        meshes: &[usize],
+        shared: &mut Shared,
+    ) -> Vec<Option<usize>> {
+        let mut node_of = vec![None; layout.placements.len()];
+        let mut accessors = Accessors::default();
+        for batch in &self.list {
+            let node = batch.write(document, scene, layout, meshes, shared, &mut accessors);
+            batch.placements.iter().for_each(|&at| node_of[at] = Some(node));
+        }
+        if !self.list.is_empty() {
+            // "All glTF extensions required to load and/or render an asset MUST be listed in the top-level
+            // extensionsRequired array" (glTF 2.0, 3.12): without it one copy of many would be seen.
+            ["extensionsUsed", "extensionsRequired"].iter().for_each(|list| enlist(&mut document.json, list));
+        }
+        node_of
+    }
+}
+
+/// Adds the extension to a list of names.
+fn enlist(json: &mut Value, list: &str) {
+    if !json[list].is_array() {
+        json[list] = json!([]);
+    }
+    if let Some(names) = json[list].as_array_mut().filter(|names| !names.iter().any(|name| name == INSTANCING)) {
+        names.push(INSTANCING.into());
+    }
+}
+
+/// A group, and the order of triangles in which its copies are.
+type Alike<'a> = (u32, Option<&'a [[u32; 2]]>);
+
+/// Groups with the placements that may become copies of one node, two of each at least. Copies whose triangles
+/// are in another order than their model's are apart from others: one record of an order serves a node.
+fn candidates(document: &Document, scene: &Scene, layout: &Layout) -> Vec<(u32, Vec<usize>)> {
+    let mut lists: BTreeMap<Alike, Vec<usize>> = BTreeMap::new();
+    for (at, placement) in layout.placements.iter().enumerate() {
+        let content = &layout.groups[placement.group as usize].content;
+        let may_move = |&i: &InstanceId| may_move(document, scene, i) && !(has_more(document, scene, content));
+        let Some(instance) = placement.instance.filter(may_move) else { continue };
+        let stand_in = scene.instances[instance.0 as usize].stand_in.as_ref();
+        let order = stand_in.and_then(|s| s.order.as_ref()).map(|order| order.runs());
+        lists.entry((placement.group, order)).or_default().push(at);
+    }
+    lists.into_iter().filter(|(_, list)| list.len() > 1).map(|((group, _), list)| (group, list)).collect()
+}
+
+/// Whether the node of an instance can do without its mesh.
+fn may_move(document: &Document, scene: &Scene, instance: InstanceId) -> bool {
+    let instance = &scene.instances[instance.0 as usize];
+    let node = &document.json["nodes"][instance.node as usize];
+    let copied = node["extensions"].get(INSTANCING).is_some();
+    instance.pinned.is_none() && !copied && node.get("extras").is_none_or(Value::is_object)
+}
+
+/// Whether a mesh that is kept has points or lines, whose error is not known.
+fn has_more(document: &Document, scene: &Scene, content: &Content) -> bool {
+    let Content::Kept(mesh) = content else { return false };
+    let mesh = &scene.meshes[mesh.0 as usize];
+    document.json["meshes"][mesh.source as usize]["primitives"].as_array().map(Vec::len) != Some(mesh.geometries.len())
+}
+
+impl Batch {
+    /// The batch of those placements that copies hold within the error; `None` where these are fewer than two.
+    fn of(scene: &Scene, layout: &Layout, group: u32, placements: Vec<usize>, most_error: f64) -> Option<Batch> {
+        let bounds = bounds(scene, &layout.groups[group as usize].content);
+        let copies_around = |center: DVec3| -> Vec<Option<Copy>> {
+            let copy = |&at: &usize| Copy::of(&layout.placements[at], &bounds, center);
+            placements.par_iter().map(copy).map(|copy| copy.filter(|c| c.error <= most_error)).collect()
+        };
+        let count = |copies: &[Option<Copy>]| copies.iter().flatten().count();
+        let (mut center, mut copies) = (DVec3::ZERO, copies_around(DVec3::ZERO));
+        if count(&copies) < placements.len() {
+            // Far from the origin single precision is coarse.
+            let around = Bounds::of(placements.iter().map(|&at| layout.placements[at].transform.translation));
+            let centred = copies_around(around.stored_center());
+            if count(&centred) > count(&copies) {
+                (center, copies) = (around.stored_center(), centred);
+            }
+        }
+        let (placements, copies): (Vec<usize>, Vec<Copy>) =
+            placements.into_iter().zip(copies).filter_map(|(at, copy)| Some((at, copy?))).unzip();
+        let error = copies.iter().map(|c| c.error).fold(0.0, f64::max);
+        (copies.len() > 1).then_some(Batch { group, placements, copies, center, error })
+    }
+
+    /// Adds the node; returns its index.
+    fn write(
+        &self,
+        document: &mut Document,
+        scene: &Scene,
+        layout: &Layout,
+        meshes: &[usize],
+        shared: &mut Shared,
+        accessors: &mut Accessors,
+    ) -> usize {
+        let group = &layout.groups[self.group as usize];
+        let at = DAffine3::from_translation(self.center);
+        let node = push_root(document, &group.name, meshes[self.group as usize], &at);
+        let mut attributes = Map::new();
+        let mut attribute = |name: &str, components: usize, data: Vec<u8>| {
+            attributes.insert(name.into(), accessors.floats(document, components, data).into());
+        };
+        attribute("TRANSLATION", 3, bytes(&self.copies, |c| c.translation));
+        if self.copies.iter().any(|c| c.rotation != NO_ROTATION) {
+            attribute("ROTATION", 4, bytes(&self.copies, |c| c.rotation));
+        }
+        if self.copies.iter().any(|c| c.scale != NO_SCALE) {
+            attribute("SCALE", 3, bytes(&self.copies, |c| c.scale));
+        }
+        let source = self.source(document, scene, layout, shared, accessors);
+        document.json["nodes"][node]["extensions"] = json!({ INSTANCING: { "attributes": attributes } });
+        document.json["nodes"][node]["extras"] = json!({ "raykiln": { "source": source } });
+        node
+    }
+
+    /// What the copies stand for.
+    fn source(
+        &self,
+        document: &mut Document,
+        scene: &Scene,
+        layout: &Layout,
+        shared: &mut Shared,
+        accessors: &mut Accessors,
+    ) -> Value {
+        let instances: Vec<InstanceId> =
+            self.placements.iter().filter_map(|&at| layout.placements[at].instance).collect();
+        let nodes: Vec<u32> = instances.iter().map(|i| scene.instances[i.0 as usize].node).collect();
+        let mut source = json!({ "nodes": accessors.numbers(document, &nodes) });
+        let stand_in = |i: &InstanceId| scene.instances[i.0 as usize].stand_in.as_ref();
+        if let Some(first) = instances.iter().find_map(stand_in) {
+            let of: Vec<u32> = instances.iter().map(|&i| scene.document_mesh(i)).collect();
+            source["meshes"] = accessors.numbers(document, &of).into();
+            if let Some(order) = &first.order {
+                source["runs"] = shared.order(document, of[0], order).into();
+            }
+        }
+        source
+    }
+}
+
+const NO_ROTATION: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+const NO_SCALE: [f32; 3] = [1.0; 3];
+
+impl Copy {
+    /// The translation, rotation and scale closest to a placement's transform, as seen from a node at `center`; `None`
+    /// where there is none or single precision does not hold it.
+    fn of(placement: &Placement, bounds: &Bounds, center: DVec3) -> Option<Copy> {
+        let (exact, middle) = (placement.transform, bounds.center());
+        let (scale, rotation, _) = exact.to_scale_rotation_translation();
+        let (scale, rotation) = (scale.as_vec3(), (if rotation.w < 0.0 { -rotation } else { rotation }).as_quat());
+        let turned =
+            DAffine3::from_scale_rotation_translation(scale.as_dvec3(), rotation.as_dquat().normalize(), DVec3::ZERO);
+        // The middle of the mesh stays where it is, whatever rounding does to the axes.
+        let shift = exact.transform_point3(middle) - turned.transform_point3(middle) - center;
+        let translation = shift.as_vec3();
+        let stored = DAffine3 { translation: translation.as_dvec3() + center, ..turned };
+        // The distance between two affine images of a point is convex: over a box it is largest in a corner.
+        let moved = |corner: DVec3| exact.transform_point3(corner).distance(stored.transform_point3(corner));
+        // NaN, of what overflows, counts as the most.
+        let error = corners(bounds).map(moved).into_iter().fold(0.0, |most: f64, e| if e <= most { most } else { e });
+        let copy =
+            Copy { translation: translation.to_array(), rotation: rotation.to_array(), scale: scale.to_array(), error };
+        error.is_finite().then_some(copy)
+    }
+}
+
+fn corners(of: &Bounds) -> [DVec3; 8] {
+    std::array::from_fn(|i| DVec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), of.min, of.max))
+}
+
+/// Box around the triangles of a group in its own coordinates.
+fn bounds(scene: &Scene, content: &Content) -> Bounds {
+    match content {
+        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].bounds(),
+        Content::Piece(mesh, geometries) => {
+            let mesh = &scene.meshes[mesh.0 as usize];
+            let triangles = |g: &GroupGeometry| g.triangles.clone();
+            let corners = geometries.iter().flat_map(triangles).flat_map(|t| mesh.corners(t.triangle));
+            Bounds::of(corners.map(|p| p.as_dvec3()))
+        }
+        Content::Baked { .. } => Bounds::EMPTY,
+    }
+}
+
+/// Accessors of copies' attributes: lists that are equal are stored once, as those of all pieces of an opened mesh are.
+#[derive(Default)]
+struct Accessors(BTreeMap<(Element, Vec<u8>), usize>);
+
+impl Accessors {
+    /// An accessor of vectors of floats.
+    fn floats(&mut self, document: &mut Document, components: usize, data: Vec<u8>) -> usize {
+        self.of(document, Element { component: Component::F32, components, normalized: false }, data)
+    }
+
+    /// An accessor of numbers.
+    fn numbers(&mut self, document: &mut Document, numbers: &[u32]) -> usize {
+        let element = Element { component: Component::U32, components: 1, normalized: false };
+        self.of(document, element, bytemuck::cast_slice(numbers).to_vec())
+    }
+
+    fn of(&mut self, document: &mut Document, element: Element, data: Vec<u8>) -> usize {
+        let new = NewAccessor { data: data.clone(), element, target: Target::Other, bounds: false };
+        *self.0.entry((element, data)).or_insert_with(|| document.push_accessor(new))
+    }
+}
+
+fn bytes<const N: usize>(copies: &[Copy], of: impl Fn(&Copy) -> [f32; N]) -> Vec<u8> {
+    copies.iter().flat_map(of).flat_map(f32::to_le_bytes).collect()
+}
