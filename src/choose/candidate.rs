@@ -133,7 +133,7 @@ fn largest_group(scene: &Scene, layout: &Layout) -> usize {
     let mut uses = vec![0u32; scene.meshes.len()];
     scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += if i.pinned.is_some() { 2 } else { 1 });
     let divisible = |content: &Content| match content {
-        Content::Kept(mesh) | Content::Piece(mesh, _) => uses[mesh.0 as usize] < 2,
+        Content::Kept(mesh) | Content::Piece { mesh, .. } => uses[mesh.0 as usize] < 2,
         Content::Baked { .. } => true,
     };
     let groups = layout.groups.iter().filter(|g| divisible(&g.content));

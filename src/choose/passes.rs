@@ -38,7 +38,7 @@ pub(super) fn worth_a_try(scene: &Scene, before: &Metrics, plans: Vec<Plan>) -> 
         plan.options.isolate &= isolate.applied;
         plan.options.split_opacity &= opacity.applied;
         if !instances.applied {
-            plan.options.instances = Instances::BakeOrKeep;
+            (plan.options.instances, plan.options.pieces) = (Instances::BakeOrKeep, None);
         }
         if !tried.iter().any(|other| other.method == plan.method && other.options == plan.options) {
             tried.push(plan);

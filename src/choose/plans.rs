@@ -65,7 +65,7 @@ const PROHIBITIVE: f64 = 1e9;
 
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.
-const PLANS: [Entry; 30] = [
+const PLANS: [Entry; 37] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
     (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
@@ -82,8 +82,14 @@ const PLANS: [Entry; 30] = [
     (3, "cluster, entry 15, instances chosen", Method::Cluster, |o| {
         (o.entry_cost, o.instances) = (15.0, Instances::Choose)
     }),
-    (3, "cluster by rays, entry 20", Method::Cluster, |o| by_rays(o, 20.0)),
-    (3, "cluster by rays, entry 8", Method::Cluster, |o| by_rays(o, 8.0)),
+    (3, "cluster by rays, entry 16", Method::Cluster, |o| by_rays(o, 16.0)),
+    (3, "cluster by rays, entry 8, without units", Method::Cluster, |o| without_units(o, 8.0)),
+    (3, "single, instances in 12 pieces", Method::Single, |o| in_pieces(o, 12)),
+    (3, "single, instances in 20 pieces", Method::Single, |o| in_pieces(o, 20)),
+    (4, "single, instances in 16 pieces", Method::Single, |o| in_pieces(o, 16)),
+    (4, "single, instances in 32 pieces", Method::Single, |o| in_pieces(o, 32)),
+    (5, "single, instances in 8 pieces", Method::Single, |o| in_pieces(o, 8)),
+    (5, "single, instances in 64 pieces", Method::Single, |o| in_pieces(o, 64)),
     (4, "per-object", Method::PerObject, |_| {}),
     (4, "bvh", Method::Bvh, |_| {}),
     (4, "cluster, entry 25", Method::Cluster, |o| o.entry_cost = 25.0),
@@ -91,27 +97,39 @@ const PLANS: [Entry; 30] = [
         (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.5))
     }),
     (4, "cluster, entry 15, isolated", Method::Cluster, |o| (o.entry_cost, o.isolate) = (15.0, true)),
-    (4, "cluster by rays, entry 12", Method::Cluster, |o| by_rays(o, 12.0)),
-    (4, "cluster by rays, entry 3", Method::Cluster, |o| by_rays(o, 3.0)),
-    (5, "cluster by rays, entry 5", Method::Cluster, |o| by_rays(o, 5.0)),
-    (5, "cluster by rays, entry 2, divided", Method::Cluster, |o| {
+    (4, "cluster by rays, entry 2, divided", Method::Cluster, |o| {
         by_rays(o, 2.0);
         o.divide = true;
     }),
+    (4, "cluster by rays, entry 12", Method::Cluster, |o| by_rays(o, 12.0)),
+    (5, "cluster by rays, entry 20, without units", Method::Cluster, |o| without_units(o, 20.0)),
+    (5, "cluster by rays, entry 4", Method::Cluster, |o| by_rays(o, 4.0)),
+    (5, "cluster by rays, entry 25", Method::Cluster, |o| by_rays(o, 25.0)),
     (5, "cluster, entry 15, opacity split", Method::Cluster, |o| (o.entry_cost, o.split_opacity) = (15.0, true)),
     (5, "cluster, entry 2", Method::Cluster, |o| o.entry_cost = 2.0),
     (5, "cluster, entry 15, extent 0.125", Method::Cluster, |o| {
         (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.125))
     }),
     (6, "cluster, entry 80", Method::Cluster, |o| o.entry_cost = 80.0),
-    (6, "cluster by rays, entry 16", Method::Cluster, |o| by_rays(o, 16.0)),
-    (6, "cluster by rays, entry 25", Method::Cluster, |o| by_rays(o, 25.0)),
+    (6, "cluster by rays, entry 8", Method::Cluster, |o| by_rays(o, 8.0)),
+    (6, "cluster by rays, entry 12, without units", Method::Cluster, |o| without_units(o, 12.0)),
     (6, "cluster by rays, entry 40", Method::Cluster, |o| by_rays(o, 40.0)),
 ];
 
 /// By rays still to be found (see [`super::segments`]); one group keeps what gains nothing by leaving it.
 fn by_rays(options: &mut Options, entry_cost: f64) {
     (options.entry_cost, options.segments, options.divide) = (entry_cost, Some(Arc::default()), false);
+}
+
+/// As [`by_rays`]; only subtrees leave.
+fn without_units(options: &mut Options, entry_cost: f64) {
+    by_rays(options, entry_cost);
+    options.units = false;
+}
+
+/// Instances opened into a given number of pieces, where predictions of the best number fail.
+fn in_pieces(options: &mut Options, pieces: u32) {
+    (options.instances, options.pieces) = (Instances::Choose, options.pieces.or(Some(pieces)));
 }
 
 /// The plans of an effort. Where the user bounds groups, only methods that heed the bounds remain, and the input.

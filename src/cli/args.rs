@@ -178,6 +178,10 @@ struct LayoutArguments {
     /// What a method does with instances of meshes that several place
     #[arg(long, value_enum, default_value_t = InstancesArgument::BakeOrKeep)]
     instances: InstancesArgument,
+    /// --instances choose: open all instances of a mesh into so many pieces, or none [default: as many pieces, and those
+    /// instances, as are predicted to cost least]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
+    pieces: Option<u32>,
     /// single, cluster: give objects that enclose the rest, or lie far outside it, groups of their own [auto: where it
     /// pays]
     #[arg(long, value_name = "BOOL", default_value_t = false, action = clap::ArgAction::Set)]
@@ -403,6 +407,7 @@ impl BakeArguments {
                         InstancesArgument::BakeOrKeep => Instances::BakeOrKeep,
                         InstancesArgument::Choose => Instances::Choose,
                     },
+                    pieces: l.pieces,
                     isolate: l.isolate,
                     split_opacity: l.split_opacity,
                     entry_cost: l.entry_cost,

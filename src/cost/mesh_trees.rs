@@ -36,7 +36,7 @@ impl MeshTrees {
     pub fn of_layout(&self, layout: &Layout) -> MeshTrees {
         let known = |content: &Content| match content {
             Content::Kept(mesh) => self.0.get(mesh.0 as usize).cloned().flatten(),
-            Content::Piece(..) | Content::Baked { .. } => None,
+            Content::Piece { .. } | Content::Baked { .. } => None,
         };
         MeshTrees(layout.groups.iter().map(|group| known(&group.content)).collect())
     }
@@ -92,7 +92,8 @@ mod tests {
         let trees = MeshTrees::build(&scene);
         let mut layout = kept(&scene);
         layout.groups.swap(0, 1);
-        layout.groups.push(crate::layout::Group { name: String::new(), content: Content::Piece(MeshId(0), vec![]) });
+        let content = Content::Piece { mesh: MeshId(0), frame: DAffine3::IDENTITY, geometries: vec![] };
+        layout.groups.push(crate::layout::Group { name: String::new(), content });
         let known = trees.of_layout(&layout);
         let len = |mesh: u32| known.get(MeshId(mesh)).map(|tree| tree.order.len());
         assert_eq!([len(0), len(1), len(2), len(3)], [Some(50), Some(18), None, None]);

@@ -82,8 +82,15 @@ impl Boxed {
     }
 
     /// Visits the nodes whose box a segment meets, as `segment` has it at that moment: a visit may shorten it.
-    pub fn visit(&self, segment: &mut Segment, mut visit: impl FnMut(usize, &mut Segment)) {
-        let mut stack: Vec<u32> = if self.bounds.is_empty() { vec![] } else { vec![0] };
+    pub fn visit(&self, segment: &mut Segment, visit: impl FnMut(usize, &mut Segment)) {
+        if !self.bounds.is_empty() {
+            self.visit_below(0, segment, visit);
+        }
+    }
+
+    /// The same of a node and all below it.
+    pub fn visit_below(&self, root: usize, segment: &mut Segment, mut visit: impl FnMut(usize, &mut Segment)) {
+        let mut stack: Vec<u32> = vec![root as u32];
         while let Some(at) = stack.pop() {
             if !segment.meets(&self.bounds[at as usize]) {
                 continue;

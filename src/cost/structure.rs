@@ -53,7 +53,7 @@ impl Blas {
         let triangles = GroupTriangles::new(scene, &group.content);
         let known = match group.content {
             Content::Kept(mesh) => trees.get(mesh).cloned(),
-            Content::Piece(..) | Content::Baked { .. } => None,
+            Content::Piece { .. } | Content::Baked { .. } => None,
         };
         let bounds_of = |t: u32| Bounds::of(triangles.corners(t as usize));
         let tree = known.unwrap_or_else(|| Tree::build_from(triangles.len(), Quality::Medium, &bounds_of));
@@ -64,15 +64,15 @@ impl Blas {
 }
 
 /// The triangles of a group in the order in which they are written, with corners in group space: mesh coordinates
-/// where the group stands for a mesh or a part of it, else world coordinates seen from the group's frame, in double
+/// where the group stands for a mesh or a part of it, else world coordinates, seen from the group's frame, in double
 /// precision and not yet rounded as they are stored.
 pub struct GroupTriangles<'a> {
     scene: &'a Scene,
     content: &'a Content,
     /// First triangle of every geometry, counted through, and the number of all.
     starts: Vec<usize>,
-    /// Group from world; `None` where that is the identity.
-    group_from_world: Option<DAffine3>,
+    /// Group from world or from mesh; `None` where that is the identity.
+    into_frame: Option<DAffine3>,
 }
 
 impl<'a> GroupTriangles<'a> {
@@ -80,7 +80,7 @@ impl<'a> GroupTriangles<'a> {
     pub fn new(scene: &'a Scene, content: &'a Content) -> Self {
         let counts: Vec<usize> = match content {
             Content::Kept(mesh) => scene.meshes[mesh.0 as usize].geometries.iter().map(|g| g.triangles.len()).collect(),
-            Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
+            Content::Piece { geometries, .. } | Content::Baked { geometries, .. } => {
                 geometries.iter().map(|g| g.triangles.len()).collect()
             }
         };
@@ -89,11 +89,13 @@ impl<'a> GroupTriangles<'a> {
             *sum += count;
             Some(*sum)
         }));
-        let group_from_world = match content {
-            Content::Baked { frame, .. } if *frame != DAffine3::IDENTITY => Some(frame.inverse()),
+        let into_frame = match content {
+            Content::Baked { frame, .. } | Content::Piece { frame, .. } if *frame != DAffine3::IDENTITY => {
+                Some(frame.inverse())
+            }
             _ => None,
         };
-        GroupTriangles { scene, content, starts, group_from_world }
+        GroupTriangles { scene, content, starts, into_frame }
     }
 
     /// Number of triangles.
@@ -120,21 +122,19 @@ impl<'a> GroupTriangles<'a> {
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         let geometry = self.starts.partition_point(|&start| start <= triangle) - 1;
         let at = triangle - self.starts[geometry];
-        match self.content {
+        let corners = match self.content {
             Content::Kept(mesh) => {
                 self.scene.meshes[mesh.0 as usize].geometries[geometry].corners(at).map(|p| p.as_dvec3())
             }
-            Content::Piece(mesh, geometries) => {
+            Content::Piece { mesh, geometries, .. } => {
                 let of_mesh = geometries[geometry].triangles[at].triangle;
                 self.scene.meshes[mesh.0 as usize].corners(of_mesh).map(|p| p.as_dvec3())
             }
-            Content::Baked { geometries, .. } => {
-                let world = self.scene.world_corners(geometries[geometry].triangles[at]);
-                match &self.group_from_world {
-                    Some(group_from_world) => world.map(|p| group_from_world.transform_point3(p)),
-                    None => world,
-                }
-            }
+            Content::Baked { geometries, .. } => self.scene.world_corners(geometries[geometry].triangles[at]),
+        };
+        match &self.into_frame {
+            Some(into_frame) => corners.map(|p| into_frame.transform_point3(p)),
+            None => corners,
         }
     }
 
@@ -166,7 +166,11 @@ mod tests {
         let kept = GroupTriangles::new(&scene, &Content::Kept(MeshId(0))).corners(3);
         assert_eq!(kept, mesh_corners(3));
 
-        let piece = Content::Piece(MeshId(0), vec![geometry(&[(0, 5)]), geometry(&[]), geometry(&[(0, 2), (0, 1)])]);
+        let piece = Content::Piece {
+            mesh: MeshId(0),
+            frame: DAffine3::IDENTITY,
+            geometries: vec![geometry(&[(0, 5)]), geometry(&[]), geometry(&[(0, 2), (0, 1)])],
+        };
         let piece = GroupTriangles::new(&scene, &piece);
         assert_eq!((piece.len(), piece.of_geometry(2)), (3, 1..3));
         assert_eq!([0, 1, 2].map(|t| piece.corners(t)), [5, 2, 1].map(mesh_corners));
@@ -182,7 +186,10 @@ mod tests {
         let huge = DAffine3::from_scale(DVec3::splat(1e300));
         let scene = scene(vec![grid_mesh(2)], vec![instance(0, DAffine3::IDENTITY), instance(0, huge)]);
         let mut layout = kept(&scene);
-        layout.groups.push(Group { name: String::new(), content: Content::Piece(MeshId(0), vec![]) });
+        layout.groups.push(Group {
+            name: String::new(),
+            content: Content::Piece { mesh: MeshId(0), frame: DAffine3::IDENTITY, geometries: vec![] },
+        });
         layout.placements.push(Placement { group: 1, instance: None, transform: DAffine3::IDENTITY });
         let structure = Structure::build(&scene, &layout);
         assert_eq!(structure.tlas.order, [0]);

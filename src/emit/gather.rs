@@ -23,7 +23,7 @@ pub(super) struct Sources<'a> {
 /// The primitives of a rewritten group.
 pub(super) struct Gathered {
     pub(super) primitives: Vec<NewPrimitive>,
-    /// As in [`super::Emitted`].
+    /// The largest distance between a stored position and the exact one, in units of the group.
     pub(super) position_error: f64,
 }
 
@@ -55,19 +55,28 @@ impl<'a> Sources<'a> {
 
 /// Collects a group; `None` for a mesh that is kept.
 pub(super) fn gather(sources: &Sources, content: &Content) -> Option<Gathered> {
-    let (frame, geometries) = match content {
+    let (basis, geometries) = match content {
         Content::Kept(_) => return None,
-        Content::Piece(_, geometries) => (None, geometries),
-        Content::Baked { frame, geometries } => (Some(frame.inverse()), geometries),
+        Content::Piece { frame, geometries, .. } => (Basis::Mesh(frame.inverse()), geometries),
+        Content::Baked { frame, geometries } => (Basis::World(frame.inverse()), geometries),
     };
     let gathered: Vec<(NewPrimitive, f64)> =
-        geometries.par_iter().map(|geometry| gather_geometry(sources, frame, geometry)).collect();
+        geometries.par_iter().map(|geometry| gather_geometry(sources, basis, geometry)).collect();
     let position_error = gathered.iter().map(|(_, error)| *error).fold(0.0, f64::max);
     Some(Gathered { primitives: gathered.into_iter().map(|(primitive, _)| primitive).collect(), position_error })
 }
 
-fn gather_geometry(sources: &Sources, frame: Option<DAffine3>, geometry: &GroupGeometry) -> (NewPrimitive, f64) {
-    let mut vertices = Vertices::new(sources.scene, frame);
+/// How corners get into a group.
+#[derive(Clone, Copy)]
+enum Basis {
+    /// From the coordinates of the mesh, for all of its instances.
+    Mesh(DAffine3),
+    /// From the world, for one instance.
+    World(DAffine3),
+}
+
+fn gather_geometry(sources: &Sources, basis: Basis, geometry: &GroupGeometry) -> (NewPrimitive, f64) {
+    let mut vertices = Vertices::new(sources.scene, basis);
     let mut runs = Vec::new();
     let mut corners = Vec::with_capacity(3 * geometry.triangles.len());
     for &at in &geometry.triangles {
@@ -151,7 +160,7 @@ impl Transform {
 /// The vertices of a new primitive, numbered in the order of first use.
 struct Vertices<'a> {
     scene: &'a Scene,
-    frame: Option<DAffine3>,
+    basis: Basis,
     parts: Vec<Part<'a>>,
     /// Part by instance (0 for a piece) and geometry.
     part_numbers: FxHashMap<(u32, u32), u32>,
@@ -162,15 +171,20 @@ struct Vertices<'a> {
 }
 
 impl<'a> Vertices<'a> {
-    fn new(scene: &'a Scene, frame: Option<DAffine3>) -> Self {
+    fn new(scene: &'a Scene, basis: Basis) -> Self {
         Vertices {
             scene,
-            frame,
+            basis,
             parts: Vec::new(),
             part_numbers: FxHashMap::default(),
             numbers: FxHashMap::default(),
             list: Vec::new(),
         }
+    }
+
+    /// Whether triangles are those of one instance.
+    fn is_placed(&self) -> bool {
+        matches!(self.basis, Basis::World(_))
     }
 
     /// The part a triangle belongs to, and its index in the part's geometry.
@@ -179,13 +193,13 @@ impl<'a> Vertices<'a> {
     /// is shared with the mesh's other instances.
     fn part_of(&mut self, at: TriangleRef) -> (u32, usize) {
         let placed = &self.scene.instances[at.instance as usize];
-        let origin = match self.frame {
-            Some(_) => self.scene.origin(at),
-            None => Origin { mesh: placed.mesh, triangle: at.triangle, transform: placed.transform },
+        let origin = match self.basis {
+            Basis::World(_) => self.scene.origin(at),
+            Basis::Mesh(_) => Origin { mesh: placed.mesh, triangle: at.triangle, transform: placed.transform },
         };
         let mesh = &self.scene.meshes[origin.mesh.0 as usize];
         let (geometry, triangle) = mesh.locate(origin.triangle);
-        let instance = if self.frame.is_some() { at.instance } else { 0 };
+        let instance = if self.is_placed() { at.instance } else { 0 };
         let next = self.parts.len() as u32;
         let part = *self.part_numbers.entry((instance, geometry as u32)).or_insert(next);
         if part == next {
@@ -203,10 +217,13 @@ impl<'a> Vertices<'a> {
             mesh_source: mesh.source,
             geometry_index,
             geometry,
-            transform: self.frame.and_then(|frame| Transform::unless_identity(frame * origin.transform)),
+            transform: Transform::unless_identity(match self.basis {
+                Basis::World(into) => into * origin.transform,
+                Basis::Mesh(into) => into,
+            }),
             source: Source {
-                node: self.frame.map(|_| placed.node),
-                copy: if self.frame.is_some() { placed.copy } else { 0 },
+                node: self.is_placed().then_some(placed.node),
+                copy: if self.is_placed() { placed.copy } else { 0 },
                 mesh: mesh.source,
                 primitive: geometry.primitive,
             },

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::nodes::{INSTANCING, Shared, push_root};
+use super::precision::stretch;
 use crate::layout::{Content, GroupGeometry, Layout, Placement};
 use crate::scene::{Bounds, InstanceId, Scene};
 
@@ -76,14 +77,21 @@ pub(super) struct Batches {
 }
 
 impl Batches {
-    /// Finds what can be written as copies of a node.
-    pub(super) fn of(document: &Document, scene: &Scene, layout: &Layout, instancing: Instancing) -> Batches {
+    /// Finds what can be written as copies of a node. `errors` are those with which the groups are stored, in their own
+    /// units.
+    pub(super) fn of(
+        document: &Document,
+        scene: &Scene,
+        layout: &Layout,
+        errors: &[f64],
+        instancing: Instancing,
+    ) -> Batches {
         let Instancing::Extension { max_position_error_ratio } = instancing else { return Batches::default() };
         let most_error = max_position_error_ratio * scene.bounds().diagonal();
         let candidates = candidates(document, scene, layout);
         let batch = |(group, placements): (u32, Vec<usize>)| -> (Option<Batch>, usize) {
             let all = placements.len();
-            let batch = Batch::of(scene, layout, group, placements, most_error);
+            let batch = Batch::of(scene, layout, group, placements, [errors[group as usize], most_error]);
             let stay = all - batch.as_ref().map_or(0, |b| b.copies.len());
             (batch, stay)
         };
@@ -171,11 +179,17 @@ fn has_more(document: &Document, scene: &Scene, content: &Content) -> bool {
 
 impl Batch {
     /// The batch of those placements that copies hold within the error; `None` where these are fewer than two.
-    fn of(scene: &Scene, layout: &Layout, group: u32, placements: Vec<usize>, most_error: f64) -> Option<Batch> {
+    fn of(
+        scene: &Scene,
+        layout: &Layout,
+        group: u32,
+        placements: Vec<usize>,
+        [stored, most]: [f64; 2],
+    ) -> Option<Batch> {
         let bounds = bounds(scene, &layout.groups[group as usize].content);
         let copies_around = |center: DVec3| -> Vec<Option<Copy>> {
-            let copy = |&at: &usize| Copy::of(&layout.placements[at], &bounds, center);
-            placements.par_iter().map(copy).map(|copy| copy.filter(|c| c.error <= most_error)).collect()
+            let copy = |&at: &usize| Copy::of(&layout.placements[at], &bounds, center, stored);
+            placements.par_iter().map(copy).map(|copy| copy.filter(|c| c.error <= most)).collect()
         };
         let count = |copies: &[Option<Copy>]| copies.iter().flatten().count();
         let (mut center, mut copies) = (DVec3::ZERO, copies_around(DVec3::ZERO));
@@ -254,7 +268,7 @@ const NO_SCALE: [f32; 3] = [1.0; 3];
 impl Copy {
     /// The translation, rotation and scale closest to a placement's transform, as seen from a node at `center`; `None`
     /// where there is none or single precision does not hold it.
-    fn of(placement: &Placement, bounds: &Bounds, center: DVec3) -> Option<Copy> {
+    fn of(placement: &Placement, bounds: &Bounds, center: DVec3, stored_error: f64) -> Option<Copy> {
         let (exact, middle) = (placement.transform, bounds.center());
         let (scale, rotation, _) = exact.to_scale_rotation_translation();
         let (scale, rotation) = (scale.as_vec3(), (if rotation.w < 0.0 { -rotation } else { rotation }).as_quat());
@@ -267,7 +281,8 @@ impl Copy {
         // The distance between two affine images of a point is convex: over a box it is largest in a corner.
         let moved = |corner: DVec3| exact.transform_point3(corner).distance(stored.transform_point3(corner));
         // NaN, of what overflows, counts as the most.
-        let error = corners(bounds).map(moved).into_iter().fold(0.0, |most: f64, e| if e <= most { most } else { e });
+        let error = corners(bounds).map(moved).into_iter().fold(0.0, |most: f64, e| if e <= most { most } else { e })
+            + stored_error * stretch(placement);
         let copy =
             Copy { translation: translation.to_array(), rotation: rotation.to_array(), scale: scale.to_array(), error };
         error.is_finite().then_some(copy)
@@ -282,11 +297,11 @@ fn corners(of: &Bounds) -> [DVec3; 8] {
 fn bounds(scene: &Scene, content: &Content) -> Bounds {
     match content {
         Content::Kept(mesh) => scene.meshes[mesh.0 as usize].bounds(),
-        Content::Piece(mesh, geometries) => {
-            let mesh = &scene.meshes[mesh.0 as usize];
+        Content::Piece { mesh, frame, geometries } => {
+            let (mesh, into) = (&scene.meshes[mesh.0 as usize], frame.inverse());
             let triangles = |g: &GroupGeometry| g.triangles.clone();
             let corners = geometries.iter().flat_map(triangles).flat_map(|t| mesh.corners(t.triangle));
-            Bounds::of(corners.map(|p| p.as_dvec3()))
+            Bounds::of(corners.map(|p| into.transform_point3(p.as_dvec3())))
         }
         Content::Baked { .. } => Bounds::EMPTY,
     }

@@ -31,7 +31,7 @@ pub use precision::{Settled, settle};
 use raykiln_formats::Document;
 use rayon::prelude::*;
 
-use crate::layout::{Content, Layout};
+use crate::layout::{Content, Layout, Placement};
 use crate::scene::Scene;
 use gather::{Gathered, Sources};
 use instancing::Batches;
@@ -75,8 +75,11 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -
     let sources = Sources::new(doc, scene);
     let gathered: Vec<Option<Gathered>> =
         layout.groups.par_iter().map(|group| gather::gather(&sources, &group.content)).collect();
-    let batches = Batches::of(doc, scene, layout, options.instancing);
-    let position_error = gathered.iter().flatten().map(|g| g.position_error).fold(batches.error, f64::max);
+    let errors: Vec<f64> = gathered.iter().map(|g| g.as_ref().map_or(0.0, |g| g.position_error)).collect();
+    let batches = Batches::of(doc, scene, layout, &errors, options.instancing);
+    let stretch = |p: &Placement| if p.instance.is_some() { precision::stretch(p) } else { 1.0 };
+    let stored = layout.placements.iter().map(|p| errors[p.group as usize] * stretch(p));
+    let position_error = stored.fold(batches.error, f64::max);
 
     let mut document = doc.clone();
     let mut notes = Vec::new();

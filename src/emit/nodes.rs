@@ -57,7 +57,7 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
                 change_of(scene, instance, &mut changes).moved_to.extend(copied);
             }
             (Content::Kept(_), _) if stand_in.is_none() => {}
-            (Content::Kept(_) | Content::Piece(..), Some(instance)) => {
+            (Content::Kept(_) | Content::Piece { .. }, Some(instance)) => {
                 let change = change_of(scene, instance, &mut changes);
                 change.stand_in = stand_in;
                 // Copies of one node share its pieces.
@@ -140,7 +140,7 @@ fn rewrite(
     let source = source(document, node, &change, shared);
     let replaced = match (change.pieces.as_slice(), remainder) {
         (_, Some(points_and_lines)) => Some(points_and_lines),
-        ([piece], None) if change.moved_to.is_empty() && fits_in_place(document, node, &change) => {
+        ([piece], None) if change.moved_to.is_empty() && fits_in_place(document, layout, node, &change) => {
             Some(meshes[*piece as usize])
         }
         _ => None,
@@ -152,7 +152,9 @@ fn rewrite(
                 Some(_) => document.json["meshes"][change.mesh as usize]["name"].as_str().unwrap_or("").to_owned(),
                 None => layout.groups[piece as usize].name.clone(),
             };
-            let child = child(document, node, &name, meshes[piece as usize], &change, &source);
+            let frame = layout.groups[piece as usize].content.piece_frame();
+            let transform = change.stand_in.map_or(frame, |s| s.motion * frame);
+            let child = child(document, node, &name, meshes[piece as usize], &transform, &source);
             change.moved_to.push(push_child(document, node, child));
         }
     }
@@ -183,9 +185,11 @@ fn source(document: &mut Document, node: usize, change: &Change, shared: &mut Sh
 }
 
 /// Whether a node can place what stands in for its mesh itself: nothing moves, and there is room to record it.
-fn fits_in_place(document: &Document, node: usize, change: &Change) -> bool {
+fn fits_in_place(document: &Document, layout: &Layout, node: usize, change: &Change) -> bool {
     let extras = document.json["nodes"][node].get("extras");
-    change.stand_in.is_none_or(|s| s.motion == DAffine3::IDENTITY && extras.is_none_or(Value::is_object))
+    let turns = |&piece: &u32| layout.groups[piece as usize].content.piece_frame() != DAffine3::IDENTITY;
+    !change.pieces.iter().any(turns)
+        && change.stand_in.is_none_or(|s| s.motion == DAffine3::IDENTITY && extras.is_none_or(Value::is_object))
 }
 
 /// A mesh of the primitives that are no triangles, if there are any.
@@ -198,15 +202,13 @@ fn push_remainder(document: &mut Document, mesh: usize) -> Option<usize> {
 }
 
 /// A node that places a piece of the mesh of a node, or what stands in for it.
-fn child(document: &Document, of: usize, name: &str, mesh: usize, change: &Change, source: &Value) -> Value {
+fn child(document: &Document, of: usize, name: &str, mesh: usize, transform: &DAffine3, source: &Value) -> Value {
     let mut child = Map::new();
     if !name.is_empty() {
         child.insert("name".into(), name.into());
     }
     child.insert("mesh".into(), mesh.into());
-    if let Some(stand_in) = change.stand_in {
-        insert_transform(&mut child, &stand_in.motion);
-    }
+    insert_transform(&mut child, transform);
     if let Some(copies) = document.json["nodes"][of]["extensions"].get(INSTANCING) {
         child.insert("extensions".into(), json!({ INSTANCING: copies }));
     }

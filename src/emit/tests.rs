@@ -178,7 +178,11 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
     let scene = load(&doc);
     let piece = |name: &str, triangles: &[(u32, u32)]| Group {
         name: name.into(),
-        content: Content::Piece(MeshId(0), vec![geometry(&scene, triangles)]),
+        content: Content::Piece {
+            mesh: MeshId(0),
+            frame: DAffine3::IDENTITY,
+            geometries: vec![geometry(&scene, triangles)],
+        },
     };
     let placement = |group: u32, instance: u32| Placement {
         group,
@@ -202,7 +206,11 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
 pub(super) fn opened(scene: &Scene) -> Layout {
     let piece = |triangle: u32| Group {
         name: format!("quad.{triangle}"),
-        content: Content::Piece(MeshId(0), vec![geometry(scene, &[(0, triangle)])]),
+        content: Content::Piece {
+            mesh: MeshId(0),
+            frame: DAffine3::IDENTITY,
+            geometries: vec![geometry(scene, &[(0, triangle)])],
+        },
     };
     let instances = (0u32..).zip(&scene.instances).flat_map(|(i, at)| [(0, i, at.transform), (1, i, at.transform)]);
     let placement = |(group, i, transform)| Placement { group, instance: Some(InstanceId(i)), transform };

@@ -1,6 +1,6 @@
 //! Instances written as copies of one node, and read back.
 
-use glam::DVec3;
+use glam::{DAffine3, DMat3, DVec3};
 use serde_json::{Value, json};
 
 use super::tests::{document, load, opened, pruned, shown, surface};
@@ -207,4 +207,42 @@ fn twenty_thousand_instances_are_one_node() {
     let (emitted, after) = copied(&quads((0..20_000).map(node).collect()), kept);
     assert_eq!(emitted.copied, Copied { nodes: 1, copies: 20_000, stay: 0 });
     assert!(after.instances.iter().all(|i| i.mirrored() && i.node == 20_000));
+}
+
+/// The mesh of all instances as one piece in a turned frame.
+fn turned(scene: &Scene) -> Layout {
+    let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.3, 0.4, 0.5).to_cols_array().map(|c| f64::from(c as f32));
+    let frame = DAffine3 { matrix3: DMat3::from_cols_array(&turn), translation: DVec3::new(0.5, 0.25, 0.0) };
+    let mut layout = opened(scene);
+    for group in &mut layout.groups {
+        let Content::Piece { frame: of_group, .. } = &mut group.content else { panic!("a piece") };
+        *of_group = frame;
+    }
+    layout.placements.iter_mut().for_each(|p| p.transform *= frame);
+    assert_eq!(layout.check(scene), Ok(()));
+    layout
+}
+
+#[test]
+fn pieces_in_frames_are_nodes_that_undo_them_or_copies() {
+    let doc = quads(json!([
+        {"mesh": 0, "translation": [3, 0, 0]}, {"mesh": 0, "scale": [-2, 1, 1]},
+        {"mesh": 0, "scale": [2, 2, 2], "translation": [0, 0, 9]}
+    ]));
+    let scene = load(&doc);
+    let nodes = emit(&doc, &scene, &turned(&scene), &Options::default());
+    let after = load(&nodes.document);
+    assert_eq!(Identity::new(&scene, &after).known(), 6);
+    assert!(nodes.document.json["nodes"][3]["matrix"].is_array(), "the node below undoes the frame");
+    assert!(nodes.position_error > 0.0 && nodes.position_error < 1e-6);
+    let (emitted, after) = copied(&doc, turned);
+    assert_eq!(
+        emitted.copied,
+        Copied { nodes: 2, copies: 4, stay: 2 },
+        "a frame shears what is stretched along one axis"
+    );
+    assert_eq!(after.instances.len(), 6);
+    for (a, b) in shown(&scene).iter().zip(shown(&after)) {
+        assert!(a.0 == b.0 && a.1.iter().all(|p| b.1.iter().any(|q| p.distance(*q) < 1e-5)));
+    }
 }

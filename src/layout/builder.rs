@@ -16,6 +16,15 @@ pub(super) struct Object {
     pub(super) geometry: u32,
 }
 
+/// Some triangles of a mesh, or all.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Part {
+    /// In ascending order.
+    pub(super) triangles: Vec<u32>,
+    /// As in [`Content::Piece`].
+    pub(super) frame: DAffine3,
+}
+
 /// What decides whether triangles may share a geometry.
 pub(super) type GeometryKey = (Option<u32>, u32);
 
@@ -147,7 +156,7 @@ impl<'a> Builder<'a> {
 
     /// Places the pieces of an instance's mesh, which all its opened instances share, instead of the mesh. The
     /// triangles of each piece are those in `pieces`, which runs parallel to the meshes.
-    pub(super) fn open(&mut self, instance: InstanceId, pieces: &[Vec<Vec<u32>>]) {
+    pub(super) fn open(&mut self, instance: InstanceId, pieces: &[Vec<Part>]) {
         let mesh = self.scene.instances[instance.0 as usize].mesh;
         let groups = match self.opened.get(&mesh) {
             Some(groups) => groups.clone(),
@@ -161,17 +170,20 @@ impl<'a> Builder<'a> {
         groups.into_iter().for_each(|group| self.place(group, instance));
     }
 
-    /// Adds a group of some triangles of a mesh, in ascending order.
-    fn push_part(&mut self, mesh: MeshId, number: usize, triangles: &[u32]) -> u32 {
+    /// Adds a group of a part of a mesh.
+    fn push_part(&mut self, mesh: MeshId, number: usize, piece: &Part) -> u32 {
         let instance = self.first_instance[mesh.0 as usize];
         let of = &self.scene.meshes[mesh.0 as usize];
         let mut geometries = Geometries::default();
-        for run in triangles.chunk_by(|&a, &b| of.locate(a).0 == of.locate(b).0) {
+        for run in piece.triangles.chunk_by(|&a, &b| of.locate(a).0 == of.locate(b).0) {
             let geometry = &of.geometries[of.locate(run[0]).0];
             geometries.add(geometry, run.iter().map(|&triangle| TriangleRef { instance, triangle }));
         }
         let base = if of.name.is_empty() { "object" } else { &of.name };
-        self.push(format!("{base}.{number}"), Content::Piece(mesh, geometries.finish()))
+        self.push(
+            format!("{base}.{number}"),
+            Content::Piece { mesh, frame: piece.frame, geometries: geometries.finish() },
+        )
     }
 
     /// Places the whole mesh of an instance with one geometry for each material and merge class.
@@ -225,7 +237,7 @@ impl<'a> Builder<'a> {
             let object = Object { instance, geometry };
             geometries.add(object.geometry(self.scene), object.triangles(self.scene));
         }
-        Content::Piece(mesh, geometries.finish())
+        Content::Piece { mesh, frame: DAffine3::IDENTITY, geometries: geometries.finish() }
     }
 
     fn push(&mut self, name: String, content: Content) -> u32 {
@@ -234,7 +246,8 @@ impl<'a> Builder<'a> {
     }
 
     fn place(&mut self, group: u32, instance: InstanceId) {
-        let transform = self.scene.instances[instance.0 as usize].transform;
+        let of_group = self.layout.groups[group as usize].content.piece_frame();
+        let transform = self.scene.instances[instance.0 as usize].transform * of_group;
         self.layout.placements.push(Placement { group, instance: Some(instance), transform });
     }
 }

@@ -37,7 +37,9 @@ impl Layout {
 fn check_group(scene: &Scene, first: &[u32], group: &Group) -> Result<(), String> {
     match &group.content {
         Content::Kept(mesh) => check_mesh(scene, *mesh),
-        Content::Piece(mesh, geometries) => {
+        Content::Piece { mesh, frame, geometries } => {
+            require(is_single_precision(frame), "has a frame that single precision does not hold")?;
+            require(frame.matrix3.determinant() > 0.0, "has a singular or mirroring frame")?;
             check_mesh(scene, *mesh)?;
             check_geometries(scene, geometries)?;
             let first = first[mesh.0 as usize];
@@ -93,11 +95,14 @@ fn check_placement(scene: &Scene, layout: &Layout, placement: &Placement) -> Res
             require(placement.transform == *frame, "does not undo the frame of its group")
         }
         (Content::Baked { .. }, Some(_)) => Err("of a baked group names an instance".to_owned()),
-        (Content::Kept(_) | Content::Piece(..), None) => Err("of a mesh names no instance".to_owned()),
-        (Content::Kept(mesh) | Content::Piece(mesh, _), Some(instance)) => {
+        (Content::Kept(_) | Content::Piece { .. }, None) => Err("of a mesh names no instance".to_owned()),
+        (Content::Kept(mesh) | Content::Piece { mesh, .. }, Some(instance)) => {
             let instance = scene.instances.get(instance.0 as usize).ok_or("names an instance that is not there")?;
             require(instance.mesh == *mesh, "names an instance of another mesh")?;
-            require(instance.transform == placement.transform, "has another transform than its instance")
+            let frame = group.content.piece_frame();
+            require(instance.transform * frame == placement.transform, "has another transform than its instance")?;
+            let stays = instance.pinned.is_some() || scene.is_copied(instance.node);
+            require(frame == DAffine3::IDENTITY || !stays, "stores what is pinned or copied in a frame")
         }
     }
 }
@@ -191,7 +196,7 @@ impl<'a> Coverage<'a> {
     /// The triangles of a piece; none of a mesh that is kept, which cannot lack or repeat any.
     fn piece_triangles(&self, group: u32) -> impl Iterator<Item = u32> {
         let geometries: &[GroupGeometry] = match &self.layout.groups[group as usize].content {
-            Content::Piece(_, geometries) => geometries,
+            Content::Piece { geometries, .. } => geometries,
             _ => &[],
         };
         geometries.iter().flat_map(|g| g.triangles.iter().map(|t| t.triangle))
@@ -258,7 +263,7 @@ mod tests {
 
     fn geometries(layout: &mut Layout, group: usize) -> &mut Vec<GroupGeometry> {
         match &mut layout.groups[group].content {
-            Content::Baked { geometries, .. } | Content::Piece(_, geometries) => geometries,
+            Content::Baked { geometries, .. } | Content::Piece { geometries, .. } => geometries,
             Content::Kept(_) => panic!("kept"),
         }
     }

@@ -56,9 +56,17 @@ pub struct Group {
 pub enum Content {
     /// A mesh of the input exactly as it is.
     Kept(MeshId),
-    /// Some triangles of one input mesh, in the coordinates of that mesh, for any number of its instances. Only
-    /// the `triangle` of the references counts; their `instance` is the first that places the mesh.
-    Piece(MeshId, Vec<GroupGeometry>),
+    /// Some triangles of one input mesh, or all, for any number of its instances, stored in a frame.
+    Piece {
+        /// The mesh.
+        mesh: MeshId,
+        /// Mesh from group; each coefficient is exactly a 32-bit float. Triangles whose frame is the identity are stored
+        /// as they are.
+        frame: DAffine3,
+        /// One geometry for each material and vertex format. Only the `triangle` of the references counts; their
+        /// `instance` is the first that places the mesh.
+        geometries: Vec<GroupGeometry>,
+    },
     /// Triangles of any instances, placed: world coordinates, stored in a frame.
     Baked {
         /// World from group; each coefficient is exactly a 32-bit float.
@@ -69,11 +77,16 @@ pub enum Content {
 }
 
 impl Content {
+    /// Mesh from group for a piece; the identity for others.
+    pub fn piece_frame(&self) -> DAffine3 {
+        if let Content::Piece { frame, .. } = self { *frame } else { DAffine3::IDENTITY }
+    }
+
     /// Triangles of a group, counted once however often it is placed.
     pub fn triangle_count(&self, scene: &Scene) -> usize {
         match self {
             Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
-            Content::Piece(_, geometries) | Content::Baked { geometries, .. } => {
+            Content::Piece { geometries, .. } | Content::Baked { geometries, .. } => {
                 geometries.iter().map(|g| g.triangles.len()).sum()
             }
         }
@@ -181,6 +194,9 @@ pub struct Options {
     pub max_bytes_ratio: Option<f64>,
     /// What is done with instances of shared meshes; `keep` and `per-object` leave them as they are.
     pub instances: Instances,
+    /// [`Instances::Choose`]: how many pieces meshes are opened into, for all instances that are not baked or for none. `None`:
+    /// what is predicted to cost least, for those instances where it gains most.
+    pub pieces: Option<u32>,
     /// `single`, `cluster`: objects that enclose the rest, or lie far outside it, get groups of their own.
     pub isolate: bool,
     /// `single`, `cluster`: triangles that are not opaque get groups of their own.
@@ -194,6 +210,8 @@ pub struct Options {
     pub segments: Option<Arc<[Segment]>>,
     /// `cluster`: whether what stays in one frame may be divided where no bound asks for it.
     pub divide: bool,
+    /// `cluster`: whether connected components and objects may leave as a whole.
+    pub units: bool,
     /// `cluster`: whether groups are improved by local search.
     pub search: bool,
     /// `cluster`: whether groups may be stored in frames of their own.
@@ -221,6 +239,7 @@ impl Default for Options {
             min_triangles: 8,
             max_bytes_ratio: None,
             instances: Instances::BakeOrKeep,
+            pieces: None,
             isolate: false,
             split_opacity: false,
             one_geometry_a_group: false,
@@ -228,6 +247,7 @@ impl Default for Options {
             segments: None,
             divide: true,
             search: true,
+            units: true,
             frames: true,
             min_turned_triangles: 16,
             max_group_triangles: None,

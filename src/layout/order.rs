@@ -30,9 +30,10 @@ pub fn order_by_tree(scene: &Scene, layout: &mut Layout) {
 fn order_group(scene: &Scene, group: &mut Group) -> Bounds {
     match &mut group.content {
         Content::Kept(_) => Bounds::EMPTY,
-        Content::Piece(mesh, geometries) => {
-            let mesh = &scene.meshes[mesh.0 as usize];
-            order_geometries(geometries, &|at| mesh.corners(at.triangle).map(|p| p.as_dvec3()));
+        Content::Piece { mesh, frame, geometries } => {
+            let (mesh, into) = (&scene.meshes[mesh.0 as usize], frame.inverse());
+            let corners = |at: TriangleRef| mesh.corners(at.triangle).map(|p| into.transform_point3(p.as_dvec3()));
+            order_geometries(geometries, &corners);
             Bounds::EMPTY
         }
         Content::Baked { frame, geometries } => {

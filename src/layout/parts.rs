@@ -164,7 +164,7 @@ mod tests {
             let scene = with_opacities(scene);
             let layout = run(Method::ALL[method], &scene, &Options::default());
             for group in &layout.groups {
-                let (Content::Piece(_, geometries) | Content::Baked { geometries, .. }) = &group.content else { continue };
+                let (Content::Piece { geometries, .. } | Content::Baked { geometries, .. }) = &group.content else { continue };
                 for geometry in geometries {
                     for at in &geometry.triangles {
                         let mesh = scene.mesh_of(InstanceId(at.instance));

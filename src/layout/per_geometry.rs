@@ -2,6 +2,8 @@
 
 use super::builder::first_instances;
 use super::{Content, Group, GroupGeometry, Layout, Placement};
+use glam::DAffine3;
+
 use crate::scene::{MeshId, Scene, TriangleRef};
 
 /// The layout with one group for each geometry, placed wherever its group was, in the order of the groups and of their
@@ -27,11 +29,12 @@ fn contents(scene: &Scene, first: &[u32], content: &Content) -> Vec<Content> {
     match content {
         Content::Kept(mesh) if scene.meshes[mesh.0 as usize].geometries.len() < 2 => vec![content.clone()],
         Content::Kept(mesh) => geometries(scene, first[mesh.0 as usize], *mesh)
-            .map(|geometry| Content::Piece(*mesh, vec![geometry]))
+            .map(|geometry| Content::Piece { mesh: *mesh, frame: DAffine3::IDENTITY, geometries: vec![geometry] })
             .collect(),
-        Content::Piece(mesh, geometries) => {
-            geometries.iter().map(|geometry| Content::Piece(*mesh, vec![geometry.clone()])).collect()
-        }
+        Content::Piece { mesh, frame, geometries } => geometries
+            .iter()
+            .map(|geometry| Content::Piece { mesh: *mesh, frame: *frame, geometries: vec![geometry.clone()] })
+            .collect(),
         Content::Baked { frame, geometries } => geometries
             .iter()
             .map(|geometry| Content::Baked { frame: *frame, geometries: vec![geometry.clone()] })

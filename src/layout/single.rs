@@ -54,7 +54,7 @@ mod tests {
 
     fn geometries(layout: &Layout, group: usize) -> &[GroupGeometry] {
         match &layout.groups[group].content {
-            Content::Baked { geometries, .. } | Content::Piece(_, geometries) => geometries,
+            Content::Baked { geometries, .. } | Content::Piece { geometries, .. } => geometries,
             Content::Kept(_) => &[],
         }
     }

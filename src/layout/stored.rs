@@ -25,19 +25,28 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
         images: scene.images.clone(),
         cameras: scene.cameras.clone(),
         nodes: scene.nodes,
+        copied_nodes: scene.copied_nodes.clone(),
     }
 }
 
 fn mesh(scene: &Scene, content: &Content) -> Mesh {
     match content {
         Content::Kept(mesh) => scene.meshes[mesh.0 as usize].clone(),
-        Content::Piece(_, geometries) => geometries_of(scene, geometries, None),
-        Content::Baked { frame, geometries } => geometries_of(scene, geometries, Some(frame.inverse())),
+        Content::Piece { frame, geometries, .. } => geometries_of(scene, geometries, Space::Mesh, frame),
+        Content::Baked { frame, geometries } => geometries_of(scene, geometries, Space::World, frame),
     }
 }
 
-/// Geometries in a frame, group from world; in the coordinates of their mesh without.
-fn geometries_of(scene: &Scene, geometries: &[GroupGeometry], frame: Option<DAffine3>) -> Mesh {
+/// What a frame is seen from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Space {
+    Mesh,
+    World,
+}
+
+/// Geometries in a frame.
+fn geometries_of(scene: &Scene, geometries: &[GroupGeometry], space: Space, frame: &DAffine3) -> Mesh {
+    let into = (*frame != DAffine3::IDENTITY).then(|| frame.inverse());
     let mut first_triangle = 0;
     let geometry = |(primitive, of): (usize, &GroupGeometry)| {
         first_triangle += of.triangles.len() as u32;
@@ -47,7 +56,7 @@ fn geometries_of(scene: &Scene, geometries: &[GroupGeometry], frame: Option<DAff
             opacity: of.opacity,
             merge_class: of.merge_class,
             first_triangle: first_triangle - of.triangles.len() as u32,
-            ..Vertices::collect(scene, &of.triangles, frame).geometry()
+            ..Vertices::collect(scene, &of.triangles, space, into).geometry()
         }
     };
     Mesh { geometries: geometries.iter().enumerate().map(geometry).collect(), ..Mesh::default() }
@@ -56,15 +65,17 @@ fn geometries_of(scene: &Scene, geometries: &[GroupGeometry], frame: Option<DAff
 /// The vertices of a geometry, each stored once: drivers join triangles that share them.
 struct Vertices<'a> {
     scene: &'a Scene,
-    frame: Option<DAffine3>,
-    /// Instance (0 without a frame), geometry and vertex of the source, in order of first use.
+    space: Space,
+    /// Group from `space`; `None` where that is the identity.
+    into: Option<DAffine3>,
+    /// Instance, geometry and vertex of the source, in order of first use.
     list: Vec<(u32, u32, u32)>,
     triangles: Vec<[u32; 3]>,
 }
 
 impl<'a> Vertices<'a> {
-    fn collect(scene: &'a Scene, refs: &[TriangleRef], frame: Option<DAffine3>) -> Vertices<'a> {
-        let mut vertices = Vertices { scene, frame, list: Vec::new(), triangles: Vec::with_capacity(refs.len()) };
+    fn collect(scene: &'a Scene, refs: &[TriangleRef], space: Space, into: Option<DAffine3>) -> Vertices<'a> {
+        let mut vertices = Vertices { scene, space, into, list: Vec::new(), triangles: Vec::with_capacity(refs.len()) };
         let mut numbers: FxHashMap<(u32, u32, u32), u32> = FxHashMap::default();
         for &at in refs {
             let (mesh, triangle, mirrored) = vertices.source(at);
@@ -91,9 +102,9 @@ impl<'a> Vertices<'a> {
     /// The mesh that a triangle is taken from, the triangle there, and whether it is turned over: what is baked comes from
     /// the mesh that the document places, as it does where it is written.
     fn source(&self, at: TriangleRef) -> (&'a Mesh, u32, bool) {
-        match self.frame {
-            None => (self.scene.mesh_of(InstanceId(at.instance)), at.triangle, false),
-            Some(_) => {
+        match self.space {
+            Space::Mesh => (self.scene.mesh_of(InstanceId(at.instance)), at.triangle, false),
+            Space::World => {
                 let origin = self.scene.origin(at);
                 let mirrored = origin.transform.matrix3.determinant() < 0.0;
                 (&self.scene.meshes[origin.mesh.0 as usize], origin.triangle, mirrored)
@@ -104,7 +115,7 @@ impl<'a> Vertices<'a> {
     /// The geometry that a vertex is taken from, and world from its mesh.
     fn geometry_of(&self, (instance, geometry, _): (u32, u32, u32)) -> (&'a Geometry, DAffine3) {
         let placing = &self.scene.instances[instance as usize];
-        let (mesh, transform) = match placing.stand_in.as_ref().filter(|_| self.frame.is_some()) {
+        let (mesh, transform) = match placing.stand_in.as_ref().filter(|_| self.space == Space::World) {
             Some(stand_in) => (stand_in.copy, stand_in.transform),
             None => (placing.mesh, placing.transform),
         };
@@ -115,9 +126,11 @@ impl<'a> Vertices<'a> {
     fn position(&self, vertex: (u32, u32, u32)) -> Vec3 {
         let (geometry, transform) = self.geometry_of(vertex);
         let stored = geometry.positions[vertex.2 as usize];
-        let Some(frame) = self.frame else { return stored };
-        let world = transform.transform_point3(stored.as_dvec3());
-        if frame == DAffine3::IDENTITY { world.as_vec3() } else { frame.transform_point3(world).as_vec3() }
+        let seen = match self.space {
+            Space::Mesh => stored.as_dvec3(),
+            Space::World => transform.transform_point3(stored.as_dvec3()),
+        };
+        self.into.map_or(seen, |into| into.transform_point3(seen)).as_vec3()
     }
 
     /// What the triangles of an alpha-tested geometry test, which is the same texture for one material.
@@ -152,7 +165,7 @@ mod tests {
             let placed = |triangle| TriangleRef { instance: placement.instance.map_or(0, |i| i.0), triangle };
             let sources: Vec<TriangleRef> = match content {
                 Content::Kept(_) => all.iter().map(|&t| placed(t)).collect(),
-                Content::Piece(_, geometries) => {
+                Content::Piece { geometries, .. } => {
                     geometries.iter().flat_map(|g| &g.triangles).map(|at| placed(at.triangle)).collect()
                 }
                 Content::Baked { geometries, .. } => geometries.iter().flat_map(|g| g.triangles.clone()).collect(),

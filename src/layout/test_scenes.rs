@@ -91,7 +91,7 @@ pub(super) fn group_sizes(scene: &Scene, layout: &Layout) -> Vec<usize> {
 pub(super) fn group_names(layout: &Layout) -> Vec<String> {
     let kind = |content: &Content| match content {
         Content::Kept(_) => "kept",
-        Content::Piece(..) => "piece",
+        Content::Piece { .. } => "piece",
         Content::Baked { .. } => "baked",
     };
     layout.groups.iter().map(|g| format!("{} {}", kind(&g.content), g.name)).collect()
@@ -106,10 +106,11 @@ pub(super) fn placed_bounds(scene: &Scene, layout: &Layout) -> Vec<Bounds> {
             let triangles = 0..mesh.triangle_count() as u32;
             Bounds::of(triangles.flat_map(|t| points(mesh.corners(t)))).transformed(&placement.transform)
         }
-        Content::Piece(mesh, geometries) => {
-            let mesh = &scene.meshes[mesh.0 as usize];
+        Content::Piece { mesh, frame, geometries } => {
+            let (mesh, into) = (&scene.meshes[mesh.0 as usize], frame.inverse());
             let triangles = geometries.iter().flat_map(|g| &g.triangles);
-            Bounds::of(triangles.flat_map(|t| points(mesh.corners(t.triangle)))).transformed(&placement.transform)
+            let corners = triangles.flat_map(|t| points(mesh.corners(t.triangle))).map(|p| into.transform_point3(p));
+            Bounds::of(corners).transformed(&placement.transform)
         }
         Content::Baked { geometries, .. } => {
             Bounds::of(geometries.iter().flat_map(|g| &g.triangles).flat_map(|&t| scene.world_corners(t)))

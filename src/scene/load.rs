@@ -34,6 +34,7 @@ pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning
         instances: instances(doc, &contents, &shown, &meshes, &mesh_ids)?,
         cameras: cameras(&contents, &shown),
         nodes: contents.nodes.len(),
+        copied_nodes: (0u32..).zip(&contents.nodes).filter(|(_, n)| n.copies.is_some()).map(|(i, _)| i).collect(),
         materials: contents.materials,
         images: Vec::new(),
         meshes,

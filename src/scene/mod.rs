@@ -39,6 +39,8 @@ pub struct Scene {
     pub cameras: Vec<PlacedCamera>,
     /// Number of nodes in the document.
     pub nodes: usize,
+    /// Nodes whose mesh `EXT_mesh_gpu_instancing` copies, in ascending order.
+    pub copied_nodes: Vec<u32>,
 }
 
 /// A mesh group of the input: the geometries of one BLAS.
@@ -190,6 +192,11 @@ impl Geometry {
 }
 
 impl Scene {
+    /// Whether `EXT_mesh_gpu_instancing` copies the mesh of a node: its copies stand between the mesh and the node.
+    pub fn is_copied(&self, node: u32) -> bool {
+        self.copied_nodes.binary_search(&node).is_ok()
+    }
+
     /// The mesh an instance places.
     pub fn mesh_of(&self, instance: InstanceId) -> &Mesh {
         &self.meshes[self.instances[instance.0 as usize].mesh.0 as usize]

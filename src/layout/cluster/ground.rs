@@ -95,7 +95,8 @@ impl Ground {
         let (groups, cost) = programme::cut(&known, limits);
         let peeled = limits.max_extent.is_infinite().then(|| programme::peel(&known, limits)).flatten();
         let segments = segments.map_or(&[][..], |segments| segments);
-        let without_units = parts.and_then(|parts| self.cut_without_units(&parts.units, limits, segments));
+        let without_units =
+            parts.filter(|_| limits.units).and_then(|parts| self.cut_without_units(&parts.units, limits, segments));
         let others = [without_units, peeled];
         let all = others.into_iter().flatten();
         let (groups, _) = all.fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best });

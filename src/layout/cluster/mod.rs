@@ -49,6 +49,8 @@ struct Limits {
     max_extent: f64,
     /// Whether a group may be divided without a bound that asks for it.
     divide: bool,
+    /// Whether units may leave.
+    units: bool,
     /// Whether groups are improved by local search.
     search: bool,
 }
@@ -60,6 +62,7 @@ impl Limits {
             min_turned: options.min_turned_triangles,
             divide: options.divide,
             search: options.search,
+            units: options.units,
             max_triangles: options.max_group_triangles.unwrap_or(u32::MAX),
             max_extent: options.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
         }

@@ -7,8 +7,12 @@
 //! Multiple-Choice Knapsack Problem", Operations Research 27(3), 1979). What is left of the bytes goes to the meshes
 //! whose next step did not fit.
 
+use std::iter::repeat_n;
+
+use super::super::builder::Part;
 use super::super::{Layout, Options};
 use super::cut::Cuts;
+use super::pieces::{self, Piece};
 use super::plan::{Mesh, Plan, gain_a_byte, hull};
 use super::tally::Counted;
 use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
@@ -17,9 +21,6 @@ use crate::cost::segments::{self, Boxed, Segment};
 use crate::cost::tree::Quality;
 use crate::scene::{InstanceId, MeshId, Scene};
 use rayon::prelude::*;
-
-/// Pieces that a mesh may be opened into.
-const PIECES: [usize; 6] = [2, 4, 8, 16, 32, 64];
 
 /// Meshes of fewer triangles are not opened.
 const FEWEST_TRIANGLES: usize = 64;
@@ -83,8 +84,8 @@ pub(super) struct Candidate {
 /// What a mesh was found to be.
 pub(super) struct LookedAt {
     pub(super) mesh: Mesh,
-    pub(super) tree: Boxed,
-    pub(super) cuts: Cuts,
+    /// The pieces for every way to open the mesh, parallel to [`Mesh::pieces`] but for the first, which keeps it whole.
+    pub(super) opened: Vec<Vec<Part>>,
 }
 
 pub(super) struct Candidates {
@@ -135,11 +136,11 @@ impl Candidates {
         for candidate in &mut self.meshes {
             let tree = std::mem::take(&mut trees[candidate.id.0 as usize]);
             let pinned = (uses[candidate.id.0 as usize] - candidate.instances.len()) as u64;
-            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, options.entry_cost) else {
+            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, options) else {
                 continue;
             };
             if found.mesh.tally.met >= FEWEST_MET {
-                candidate.plans = found.mesh.plans(options.entry_cost, has_base);
+                candidate.plans = found.mesh.plans(options.entry_cost, has_base, options.pieces.is_some());
                 candidate.looked_at = Some(found);
             }
         }
@@ -181,15 +182,15 @@ impl Candidates {
             }
         }
         for (candidate, plan) in self.meshes.iter().zip(plans) {
-            let left = if plan.level > 0 { Fate::Open } else { Fate::Keep };
-            candidate.instances.iter().for_each(|i| selection.fates[i.0 as usize] = left);
-            let Some(LookedAt { mesh, tree, cuts }) = &candidate.looked_at else { continue };
-            for &node in &mesh.order[..plan.baked] {
-                let baked = mesh.nodes[node].iter().map(|&i| candidate.instances[i]);
-                baked.for_each(|i| selection.fates[i.0 as usize] = Fate::Bake);
+            candidate.instances.iter().for_each(|i| selection.fates[i.0 as usize] = Fate::Keep);
+            let Some(LookedAt { mesh, opened }) = &candidate.looked_at else { continue };
+            let fates = repeat_n(Fate::Bake, plan.baked).chain(repeat_n(Fate::Open, plan.opened));
+            for (&node, fate) in mesh.order.iter().zip(fates) {
+                let instances = mesh.nodes[node].iter().map(|&i| candidate.instances[i]);
+                instances.for_each(|i| selection.fates[i.0 as usize] = fate);
             }
-            if plan.level > 0 {
-                selection.pieces[candidate.id.0 as usize] = cuts.pieces(tree, plan.level);
+            if plan.opened > 0 {
+                selection.pieces[candidate.id.0 as usize] = opened[plan.level - 1].clone();
             }
         }
         selection
@@ -204,27 +205,34 @@ fn look_at(
     pinned: u64,
     segments: &[Segment],
     most_boxes: usize,
-    entry_cost: f64,
+    options: &Options,
 ) -> Option<LookedAt> {
     let mesh = &scene.meshes[candidate.id.0 as usize];
     if tree.tree.order.len() < mesh.triangle_count() || segments.is_empty() {
         return None;
     }
-    let opened = if mesh.triangle_count() < FEWEST_TRIANGLES { &[][..] } else { &PIECES };
     let finest = (most_boxes / candidate.instances.len()).max(1);
-    let wanted: Vec<usize> = opened.iter().copied().chain([finest]).collect();
     let every = candidate.instances.len().div_ceil(16);
     let placed = |i: &InstanceId| scene.instances[i.0 as usize].transform.matrix3;
     let placed: Vec<_> = candidate.instances.iter().step_by(every).map(placed).collect();
-    let cuts = Cuts::of(&tree, &wanted, &placed);
-    let tally = Counted::new(scene, &candidate.instances, &tree, &cuts, segments).tally(most_boxes);
-    let sizes = |level| cuts.pieces(&tree, level).iter().map(|piece| piece.len() as u64).collect();
-    let pieces: Vec<Vec<u64>> = (0..tally.levels.len()).map(sizes).collect();
+    let cuts = Cuts::of(&tree, finest, &placed);
+    let opened = if mesh.triangle_count() < FEWEST_TRIANGLES {
+        Vec::new()
+    } else {
+        // The copies of a node stand between it and a frame.
+        let turns = !candidate.instances.iter().any(|i| scene.is_copied(scene.instances[i.0 as usize].node));
+        pieces::levels(mesh, &tree, finest, turns && options.frames, options.pieces)
+    };
+    let tally = Counted::new(scene, &candidate.instances, &tree, segments).tally(&cuts, &opened, most_boxes);
+    let triangles = mesh.triangle_count() as u64;
+    let sizes = |pieces: &Vec<Piece>| pieces.iter().map(|p| p.part.triangles.len() as u64).collect();
+    let pieces: Vec<Vec<u64>> = [vec![triangles]].into_iter().chain(opened.iter().map(sizes)).collect();
     let indexed: Vec<(u32, usize)> =
         candidate.instances.iter().enumerate().map(|(i, id)| (scene.instances[id.0 as usize].node, i)).collect();
     let nodes = indexed.chunk_by(|a, b| a.0 == b.0).map(|node| node.iter().map(|&(_, i)| i).collect()).collect();
-    let mesh = Mesh::new(mesh.triangle_count() as u64, pieces, nodes, pinned, tally, entry_cost);
-    Some(LookedAt { mesh, tree, cuts })
+    let mesh = Mesh::new(triangles, pieces, nodes, pinned, tally, options.entry_cost);
+    let parts = |pieces: Vec<Piece>| pieces.into_iter().map(|p| p.part).collect();
+    Some(LookedAt { mesh, opened: opened.into_iter().map(parts).collect() })
 }
 
 /// What may still be spent.

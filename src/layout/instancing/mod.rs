@@ -9,15 +9,17 @@ mod bake_or_keep;
 mod choose;
 mod cut;
 mod notes;
+mod pieces;
 mod plan;
 mod tally;
 #[cfg(test)]
 mod tests;
 
-use super::builder::Builder;
+use super::builder::{Builder, Part};
 use super::{Instances, Layout, Options};
 use crate::cost::bytes;
 use crate::scene::{Bounds, InstanceId, Scene};
+use glam::DAffine3;
 
 /// Triangles written out for instances of shared meshes, at most: a few gigabytes of references, vertices and
 /// indices.
@@ -42,7 +44,7 @@ enum Fate {
 pub(super) struct Selection {
     fates: Vec<Fate>,
     /// The triangles of each piece of every mesh that is opened, parallel to the meshes.
-    pieces: Vec<Vec<Vec<u32>>>,
+    pieces: Vec<Vec<Part>>,
 }
 
 impl Selection {
@@ -64,11 +66,13 @@ impl Selection {
 
     /// The world boxes of what [`Selection::place_left`] places.
     pub(super) fn left_bounds(&self, scene: &Scene) -> Vec<Bounds> {
-        let of_pieces = |mesh: usize| -> Vec<Bounds> {
-            let corners = |&t: &u32| scene.meshes[mesh].corners(t).map(|p| p.as_dvec3());
-            self.pieces[mesh].iter().map(|piece| Bounds::of(piece.iter().flat_map(corners))).collect()
+        let of_piece = |mesh: usize, piece: &Part| {
+            let into = piece.frame.inverse();
+            let corners = |&t: &u32| scene.meshes[mesh].corners(t).map(|p| into.transform_point3(p.as_dvec3()));
+            (Bounds::of(piece.triangles.iter().flat_map(corners)), piece.frame)
         };
-        let pieces: Vec<Vec<Bounds>> = (0..scene.meshes.len()).map(of_pieces).collect();
+        let of_pieces = |mesh: usize| self.pieces[mesh].iter().map(|piece| of_piece(mesh, piece)).collect();
+        let pieces: Vec<Vec<(Bounds, DAffine3)>> = (0..scene.meshes.len()).map(of_pieces).collect();
         let mut whole: Vec<Option<Bounds>> = vec![None; scene.meshes.len()];
         let mut bounds = Vec::new();
         for (instance, fate) in scene.instances.iter().zip(&self.fates) {
@@ -78,7 +82,9 @@ impl Selection {
                     let local = whole[mesh].get_or_insert_with(|| scene.meshes[mesh].bounds());
                     bounds.push(local.transformed(&instance.transform));
                 }
-                Fate::Open => bounds.extend(pieces[mesh].iter().map(|b| b.transformed(&instance.transform))),
+                Fate::Open => {
+                    bounds.extend(pieces[mesh].iter().map(|(b, frame)| b.transformed(&(instance.transform * *frame))))
+                }
                 Fate::Bake => {}
             }
         }

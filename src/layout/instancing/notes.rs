@@ -78,15 +78,20 @@ impl Candidate {
         if let Some(found) = &self.looked_at {
             let mesh = &found.mesh;
             let baked: usize = mesh.order[..plan.baked].iter().map(|&n| mesh.nodes[n].len()).sum();
-            let left = self.instances.len() - baked;
+            let opened: usize =
+                mesh.order[plan.baked..plan.baked + plan.opened].iter().map(|&n| mesh.nodes[n].len()).sum();
+            let kept = self.instances.len() - baked - opened;
             if baked > 0 {
                 parts.push(format!("{} baked", counted(baked, "instance")));
             }
-            if left > 0 && plan.level > 0 {
-                let pieces = mesh.pieces[plan.level].len();
-                parts.push(format!("{} opened into {pieces} pieces", counted(left, "instance")));
-            } else if left > 0 {
-                parts.push(format!("{} kept", counted(left, "instance")));
+            if opened > 0 {
+                parts.push(match mesh.pieces[plan.level].len() {
+                    1 => format!("{} stored in a frame that fits the mesh", counted(opened, "instance")),
+                    pieces => format!("{} opened into {pieces} pieces", counted(opened, "instance")),
+                });
+            }
+            if kept > 0 {
+                parts.push(format!("{} kept", counted(kept, "instance")));
             }
             let entries: f64 = mesh.tally.levels[0].iter().map(|c| c.entries).sum();
             overlap = entries / mesh.tally.met as f64;

@@ -8,16 +8,20 @@ use crate::cost::bytes;
 const CACHE_BYTES: f64 = 50e6;
 const DEARER_PER_DOUBLING: f64 = 0.25;
 
-/// Shares of the instances that may be baked, those that gain most by it first.
+/// Shares of the instances that may be baked, and of the others that may be opened; those that gain most by being baked
+/// come first.
 const BAKED_SHARES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
+const OPENED_SHARES: [f64; 4] = [0.125, 0.25, 0.5, 1.0];
 
 /// Something to be done with the instances of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plan {
-    /// The cut into whose pieces the instances that are not baked are opened; 0 to keep them.
+    /// What instances are opened into: an index into [`Mesh::pieces`]; 0 where none is.
     pub(super) level: usize,
     /// Nodes whose instances are baked: the first of [`Mesh::order`].
     pub(super) baked: usize,
+    /// Nodes whose instances are opened: the next of them. The others keep theirs.
+    pub(super) opened: usize,
     /// Predicted bytes of the structures of the mesh.
     pub(super) bytes: f64,
     /// Predicted cost: steps of all segments.
@@ -30,7 +34,8 @@ pub(super) struct Plan {
 
 impl Plan {
     /// To keep all instances of a mesh that was not looked at; its bytes are not of interest.
-    pub(super) const NONE: Plan = Plan { level: 0, baked: 0, bytes: 0.0, cost: 0.0, copied: 0, placements: 0 };
+    pub(super) const NONE: Plan =
+        Plan { level: 0, baked: 0, opened: 0, bytes: 0.0, cost: 0.0, copied: 0, placements: 0 };
 
     /// Whether all instances stay as they are.
     pub(super) fn keeps(&self) -> bool {
@@ -41,7 +46,7 @@ impl Plan {
 /// A mesh that several instances place, some of which need not stay.
 pub(super) struct Mesh {
     pub(super) triangles: u64,
-    /// Triangles of each piece of every cut.
+    /// Triangles of each piece, for every way to open the mesh; the first keeps it whole.
     pub(super) pieces: Vec<Vec<u64>>,
     /// Instances (indices into those counted) of every node; the copies of a node share their fate.
     pub(super) nodes: Vec<Vec<usize>>,
@@ -73,51 +78,51 @@ impl Mesh {
     }
 
     /// All plans; the first keeps every instance. `has_base` says whether triangles are baked anyway, so that baked
-    /// instances need no group, and so no entry, of their own.
-    pub(super) fn plans(&self, entry_cost: f64, has_base: bool) -> Vec<Plan> {
-        let usable = |&level: &usize| {
-            let pieces = self.pieces[level].len();
-            level == 0 || (pieces > self.pieces[level - 1].len() && !self.tally.levels[level].is_empty())
-        };
+    /// instances need no group, and so no entry, of their own, `all_alike` whether all that are not baked are opened or none.
+    pub(super) fn plans(&self, entry_cost: f64, has_base: bool, all_alike: bool) -> Vec<Plan> {
+        let usable = |&level: &usize| level > 0 && !self.tally.levels[level].is_empty();
         let levels: Vec<usize> = (0..self.tally.levels.len()).filter(usable).collect();
-        let mut counts: Vec<usize> =
-            BAKED_SHARES.iter().map(|share| (share * self.nodes.len() as f64).round() as usize).collect();
+        let count = |share: f64, of: usize| (share * of as f64).round() as usize;
+        let mut counts: Vec<usize> = BAKED_SHARES.iter().map(|share| count(*share, self.nodes.len())).collect();
         counts.dedup();
+        let shares = if all_alike { &OPENED_SHARES[OPENED_SHARES.len() - 1..] } else { &OPENED_SHARES };
         let mut plans = Vec::new();
         for &baked in &counts {
-            for &level in &levels {
-                // With every instance baked there is none to open.
-                if level == 0 || baked < self.nodes.len() {
-                    plans.push(self.plan(level, baked, entry_cost, has_base));
-                }
+            plans.push(self.plan(0, [baked, 0], entry_cost, has_base));
+            let left = self.nodes.len() - baked;
+            let mut opened: Vec<usize> = shares.iter().map(|share| count(*share, left)).collect();
+            opened.dedup();
+            for &opened in opened.iter().filter(|&&opened| opened > 0) {
+                plans.extend(levels.iter().map(|&level| self.plan(level, [baked, opened], entry_cost, has_base)));
             }
         }
         plans
     }
 
-    fn plan(&self, level: usize, baked: usize, entry_cost: f64, has_base: bool) -> Plan {
+    fn plan(&self, level: usize, [baked, opened]: [usize; 2], entry_cost: f64, has_base: bool) -> Plan {
         let (in_baked, in_left) = self.order.split_at(baked);
+        let (in_opened, in_kept) = in_left.split_at(opened);
         let instances = |nodes: &[usize]| nodes.iter().map(|&n| self.nodes[n].len() as u64).sum::<u64>();
-        let (count_baked, count_left) = (instances(in_baked), instances(in_left));
+        let [count_baked, count_opened, count_kept] = [in_baked, in_opened, in_kept].map(instances);
         let copied = self.triangles.saturating_mul(count_baked);
         let copied_bytes = copied as f64 * bytes::COMPACTED_BLAS_BYTES_PER_TRIANGLE as f64;
-        let placements = self.pinned + count_left.saturating_mul(self.pieces[level].len() as u64);
-        let whole = self.pinned > 0 || (level == 0 && count_left > 0);
-        let opened = level > 0 && count_left > 0;
+        let placements = self.pinned + count_kept + count_opened.saturating_mul(self.pieces[level].len() as u64);
         let blas = |pieces: &[u64]| pieces.iter().map(|&t| bytes::blas(t) as f64).sum::<f64>();
-        let stored = if whole { bytes::blas(self.triangles) as f64 } else { 0.0 }
-            + if opened { blas(&self.pieces[level]) } else { 0.0 };
+        let stored = if self.pinned + count_kept > 0 { bytes::blas(self.triangles) as f64 } else { 0.0 }
+            + if count_opened > 0 { blas(&self.pieces[level]) } else { 0.0 };
 
         let sum = |nodes: &[usize], counts: &[Count]| -> f64 {
             nodes.iter().flat_map(|&n| &self.nodes[n]).map(|&i| price(counts[i], entry_cost)).sum()
         };
         let own_entry = if baked > 0 && !has_base { entry_cost * self.tally.met as f64 } else { 0.0 };
         let baked_cost = dearer(copied_bytes) * sum(in_baked, &self.tally.baked) + own_entry;
+        let left_cost = sum(in_kept, &self.tally.levels[0]) + sum(in_opened, &self.tally.levels[level]);
         Plan {
             level,
             baked,
+            opened,
             bytes: stored + copied_bytes + (bytes::TLAS_BYTES_PER_INSTANCE * placements) as f64,
-            cost: sum(in_left, &self.tally.levels[level]) + baked_cost,
+            cost: left_cost + baked_cost,
             copied,
             placements,
         }

@@ -110,7 +110,7 @@ fn pieces_keep_every_material() {
     let scene = builder.scene();
     let layout = chosen(&scene, Some(15.0));
     let materials = |content: &Content| match content {
-        Content::Piece(_, geometries) => geometries.iter().map(|g| g.material).collect(),
+        Content::Piece { geometries, .. } => geometries.iter().map(|g| g.material).collect(),
         _ => vec![],
     };
     assert!(layout.groups.len() > 1);
@@ -197,7 +197,11 @@ fn the_choice_is_the_same_for_any_number_of_threads() {
 fn baked_and_opened_instances_of_one_mesh_are_together_all_there() {
     let scene = knots(100, 0.7).scene();
     let candidates = Candidates::of(&scene, &Options::default());
-    let mixed = candidates.meshes[0].plans.iter().find(|p| p.baked > 0 && p.level > 0).expect("there is such a plan");
+    let mixed = candidates.meshes[0]
+        .plans
+        .iter()
+        .find(|p| p.baked > 0 && p.level > 0 && p.baked + p.opened == 100)
+        .expect("there is such a plan");
     let selection = candidates.select(&scene, &[*mixed]);
     let mut builder = Builder::new(&scene);
     selection.place_left(&mut builder);
@@ -220,4 +224,74 @@ proptest! {
             prop_assert_eq!(layout.check(&scene), Ok(()));
         }
     }
+}
+
+#[test]
+fn pieces_are_stored_in_frames_that_their_instances_undo() {
+    let mut builder = knots(200, 0.6);
+    let at = DAffine3::from_scale_rotation_translation(DVec3::new(-0.3, 0.3, 0.3), DQuat::IDENTITY, spread(3));
+    builder.place(crate::scene::MeshId(0), "mirrored", at);
+    let scene = builder.scene();
+    let layout = chosen(&scene, Some(15.0));
+    let turned = layout.groups.iter().filter(|g| g.content.piece_frame() != DAffine3::IDENTITY).count();
+    assert!(turned > layout.groups.len() / 2, "{turned} of {} are turned", layout.groups.len());
+    let error = crate::emit::settle(&scene, &mut layout.clone(), 1e-6);
+    assert!(error.refused.is_empty() && error.error > 0.0 && error.error < 1e-6 * scene.bounds().diagonal());
+    let refused = crate::emit::settle(&scene, &mut layout.clone(), 0.0).refused;
+    assert_eq!(refused.len(), 201, "without any error allowed no instance may be stored in frames");
+    let unturned = single(&scene, &Options { frames: false, ..choose(Some(15.0)) });
+    assert!(unturned.groups.iter().all(|g| g.content.piece_frame() == DAffine3::IDENTITY));
+}
+
+#[test]
+fn pieces_of_copied_nodes_are_not_turned() {
+    let mut scene = knots(200, 0.6).scene();
+    scene.copied_nodes = vec![7];
+    let layout = chosen(&scene, Some(15.0));
+    assert!(layout.groups.len() > 1);
+    assert!(layout.groups.iter().all(|g| g.content.piece_frame() == DAffine3::IDENTITY));
+}
+
+#[test]
+fn a_turned_mesh_is_stored_in_the_frame_that_fits_it_for_all_its_instances() {
+    let mut builder = SceneBuilder::default();
+    let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.5, 0.6, 0.7);
+    let plank = |t: [Vec3; 3]| t.map(|p| (turn * (p.as_dvec3() * DVec3::new(1.0, 0.05, 0.02))).as_vec3());
+    let mesh = builder.mesh("plank", vec![(0, knot(60, 8).into_iter().map(plank).collect())]);
+    for i in 0..300 {
+        let by = DAffine3 { matrix3: turn.transpose(), translation: 0.5 * spread(i) };
+        builder.place(mesh, "node", by);
+    }
+    let scene = builder.scene();
+    let layout = chosen(&scene, Some(1.0));
+    assert_eq!(group_names(&layout), ["piece plank.0"], "no bytes are needed for it");
+    assert!(layout.notes[0].contains("300 instances stored in a frame that fits the mesh"), "{:?}", layout.notes);
+}
+
+#[test]
+fn a_given_number_of_pieces_is_for_all_instances_or_none() {
+    let scene = knots(200, 0.6).scene();
+    let options = |ratio| Options { pieces: Some(16), ..choose(Some(ratio)) };
+    assert_eq!(single(&scene, &options(30.0)).placements.len(), 16 * 200);
+    assert_eq!(single(&scene, &options(1.5)).placements.len(), 200);
+}
+
+#[test]
+fn some_instances_are_opened_where_bytes_do_not_last_for_all() {
+    let scene = knots(200, 0.6).scene();
+    let candidates = Candidates::of(&scene, &choose(None));
+    let plans = &candidates.meshes[0].plans;
+    let some = plans.iter().find(|p| p.baked == 0 && p.opened == 50 && p.level > 3).expect("there is such a plan");
+    let selection = candidates.select(&scene, &[*some]);
+    let mut builder = Builder::new(&scene);
+    selection.place_left(&mut builder);
+    let layout = builder.finish();
+    assert_eq!(layout.check(&scene), Ok(()));
+    let pieces = layout.groups.len() - 1;
+    assert_eq!(layout.placements.len(), 150 + 50 * pieces);
+    assert_eq!(selection.left_bounds(&scene).len(), layout.placements.len());
+    let bytes = layout.as_bytes(&scene) as f64;
+    assert!((some.bytes / bytes - 1.0).abs() < 0.02, "{} were predicted, {bytes} it takes", some.bytes);
+    let all = plans.iter().find(|p| p.baked == 0 && p.opened == 200 && p.level == some.level).expect("all of them");
+    assert!(plans[0].cost > some.cost && some.cost > all.cost && some.bytes < all.bytes);
 }
