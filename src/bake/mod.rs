@@ -94,11 +94,25 @@ pub fn bake(
     let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
     let mut chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    let mut tried = Tried::new(&doc, &mut scene, &trees, &chosen.layout, output, &machine, options, &mut clock)?;
+    let mut tried = Tried::new(
+        Given { doc: &doc, scene: &mut scene, trees: &trees },
+        &chosen.layout,
+        output,
+        &machine,
+        options,
+        &mut clock,
+    )?;
     if tried.verdict == Verdict::NotFaster && chosen.measured && !emit::is_unchanged(&chosen.layout) {
         chosen = chosen.left_alone(&scene);
         drop(tried);
-        tried = Tried::new(&doc, &mut scene, &trees, &chosen.layout, output, &machine, options, &mut clock)?;
+        tried = Tried::new(
+            Given { doc: &doc, scene: &mut scene, trees: &trees },
+            &chosen.layout,
+            output,
+            &machine,
+            options,
+            &mut clock,
+        )?;
     }
     let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
@@ -171,6 +185,14 @@ pub(crate) fn per_primitive_note(per: BlasPer, scenes: [&Scene; 2], metrics: [&M
     )]
 }
 
+/// The input.
+struct Given<'a> {
+    doc: &'a Document,
+    scene: &'a mut Scene,
+    /// The trees of its meshes.
+    trees: &'a MeshTrees,
+}
+
 /// A layout written, staged, and verified.
 struct Tried {
     written: Written,
@@ -185,9 +207,7 @@ struct Tried {
 impl Tried {
     /// Writes a layout and holds it against the input as it was read, without meshes that stand in for copies.
     fn new(
-        doc: &Document,
-        scene: &mut Scene,
-        trees: &MeshTrees,
+        Given { doc, scene, trees }: Given,
         layout: &Layout,
         output: &Path,
         machine: &Machine,

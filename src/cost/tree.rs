@@ -13,7 +13,7 @@ use obvhs::{Boundable, BvhBuildParams};
 use rayon::prelude::*;
 
 use super::clustering;
-use super::divide::divide;
+use super::divide::{divide, joined};
 use crate::scene::Bounds;
 
 /// How much time to spend on a tree.
@@ -207,26 +207,6 @@ fn build_members(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> 
         tree
     };
     divide(members, PART, bounds, &of_part, &joined)
-}
-
-/// A node above two trees that are not empty.
-fn joined(left: Tree, right: Tree) -> Tree {
-    let (of_left, items) = (left.nodes.len() as u32, left.order.len() as u32);
-    let moved = |node: &Node, inner: u32, leaf: u32| match node.is_leaf() {
-        true => Node { first: node.first + leaf, ..*node },
-        false => Node { first: node.first + inner, ..*node },
-    };
-    // The roots come next to each other: what is below the left one moves by two, below the right one by all of the left
-    // and one.
-    let mut nodes = Vec::with_capacity(1 + left.nodes.len() + right.nodes.len());
-    nodes.push(Node { first: 1, count: 0 });
-    nodes.push(moved(&left.nodes[0], 2, 0));
-    nodes.push(moved(&right.nodes[0], of_left + 1, items));
-    nodes.extend(left.nodes[1..].iter().map(|node| moved(node, 2, 0)));
-    nodes.extend(right.nodes[1..].iter().map(|node| moved(node, of_left + 1, items)));
-    let mut order = left.order;
-    order.extend(right.order);
-    Tree { nodes, order }
 }
 
 /// The tree over some of the boxes, which are let go of when they have been seen.
@@ -449,26 +429,6 @@ mod tests {
         assert_each_item_once(&tree, boxes.len());
         assert!(tree.nodes.iter().all(|n| n.count <= 1));
         assert_eq!(tree.nodes.len(), 2 * boxes.len() - 1);
-    }
-
-    #[test]
-    fn two_trees_join_below_one_root() {
-        let boxes = unit_boxes((0..5000).map(|i| dvec3(f64::from(i * 7919 % 101), f64::from(i % 97), 0.0)));
-        let half = |range: std::ops::Range<usize>| {
-            let mut tree = Tree::build(&boxes[range.clone()], Quality::Medium);
-            tree.order.iter_mut().for_each(|i| *i += range.start as u32);
-            tree
-        };
-        let (left, right) = (half(0..1234), half(1234..5000));
-        let tree = joined(left.clone(), right.clone());
-        assert_each_item_once(&tree, boxes.len());
-        assert_eq!(tree.items_below(1), 0..1234);
-        assert_eq!(tree.order, [left.order.clone(), right.order.clone()].concat());
-        let costs = [&left, &right].map(|t| t.bounds(&boxes).iter().map(Bounds::area).sum::<f64>());
-        let all = tree.bounds(&boxes);
-        assert_eq!(all[0], boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b)));
-        let below: f64 = all[1..].iter().map(Bounds::area).sum();
-        assert!((below / (costs[0] + costs[1]) - 1.0).abs() < 1e-12);
     }
 
     #[test]

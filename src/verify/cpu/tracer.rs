@@ -11,10 +11,13 @@ use super::search::{Found, Inside, Interval, Stacks, Steps, search};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 use crate::verify::rays::{Ray, RayKind};
-use crate::verify::{Hit, Tracer};
+use crate::verify::{Hit, Pace, Tracer};
 
 /// Rays a task: few enough to spread over threads, enough to pay for its stacks.
 const BATCH: usize = 256;
+
+/// Rays of a kind that are timed where nobody asks for more: milliseconds' worth.
+const TIMED: u32 = 8192;
 
 /// Boxes count as larger by this many times the largest coordinate that meets in a slab test.
 const PAD: f32 = 4.0 * f32::EPSILON;
@@ -93,6 +96,10 @@ impl Tracer for CpuTracer<'_> {
             1 => "CPU, 1 thread".into(),
             n => format!("CPU, {n} threads"),
         }
+    }
+
+    fn pace(&self) -> Pace {
+        Pace { most_rays: Some(TIMED), ..Pace::default() }
     }
 
     fn prepare<'r>(&self, rays: &'r [Ray]) -> Result<&'r [Ray], Infallible> {
