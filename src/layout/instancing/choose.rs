@@ -29,7 +29,8 @@ const FEWEST_TRIANGLES: usize = 64;
 const MOST_BOXES: usize = 1 << 21;
 const MOST_BOXES_A_MESH: usize = 1 << 18;
 
-/// A change must save more than this share of what the mesh costs.
+/// A change must save more than this share of what the mesh costs, unless the number of pieces is given: then any saving
+/// will do.
 const WORTH_A_CHANGE: f64 = 0.05;
 
 /// Segments that must enter instances of a mesh for a prediction to mean anything.
@@ -92,6 +93,8 @@ pub(super) struct Candidates {
     pub(super) meshes: Vec<Candidate>,
     /// Triangles of meshes that one instance places and that is not pinned.
     base_triangles: u64,
+    /// Share of what a mesh costs that a change must save.
+    worth_a_change: f64,
     /// Why no mesh was looked at, if so.
     pub(super) idle: Option<&'static str>,
 }
@@ -110,7 +113,8 @@ impl Candidates {
             .filter(|(m, list)| uses[*m as usize] > 1 && !list.is_empty())
             .map(|(m, instances)| Candidate { id: MeshId(m), instances, looked_at: None, plans: vec![Plan::NONE] })
             .collect();
-        let mut candidates = Candidates { meshes, base_triangles: base, idle: None };
+        let worth_a_change = if options.pieces.is_some() { 0.0 } else { WORTH_A_CHANGE };
+        let mut candidates = Candidates { meshes, base_triangles: base, worth_a_change, idle: None };
         if !candidates.meshes.is_empty() {
             candidates.look(scene, options, &uses);
         }
@@ -161,13 +165,13 @@ impl Candidates {
         steps.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
         let mut chosen = Chosen { plans: self.keep_all(), left: Budget::new(allowed, self.base_triangles) };
         for &(_, m, i) in &steps {
-            chosen.change(m, hulls[m][i], self.meshes[m].plans[0].cost);
+            chosen.change(m, hulls[m][i], self.worth_a_change * self.meshes[m].plans[0].cost);
         }
         // What remains may buy plans above the hulls.
         for (m, mesh) in self.meshes.iter().enumerate() {
             let mut plans = mesh.plans.clone();
             plans.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            plans.into_iter().any(|plan| chosen.change(m, plan, mesh.plans[0].cost));
+            plans.into_iter().any(|plan| chosen.change(m, plan, self.worth_a_change * mesh.plans[0].cost));
         }
         chosen.plans
     }
@@ -257,15 +261,15 @@ struct Chosen {
 }
 
 impl Chosen {
-    /// Changes the plan of a mesh that costs `whole` when it is kept, where that is worth it and the budget allows.
-    fn change(&mut self, mesh: usize, to: Plan, whole: f64) -> bool {
+    /// Changes the plan of a mesh where that saves more than `least` and the budget allows.
+    fn change(&mut self, mesh: usize, to: Plan, least: f64) -> bool {
         let from = self.plans[mesh];
         let bytes = to.bytes - from.bytes;
         let fits = (bytes <= 0.0 || bytes <= self.left.bytes)
             && to.copied <= self.left.copied.saturating_add(from.copied)
             && to.copied <= self.left.restructured.saturating_add(from.copied)
             && to.placements <= self.left.placements.saturating_add(from.placements);
-        if !fits || from.cost - to.cost <= WORTH_A_CHANGE * whole {
+        if !fits || from.cost - to.cost <= least {
             return false;
         }
         self.left.bytes -= bytes;
