@@ -11,7 +11,7 @@ use super::shape::Shape;
 const ANCHOR_ERROR: f64 = 8.0;
 
 /// Triangles compared for a pair of meshes, over their triangles, and for any pair: beyond it they are no copies.
-const WORK: [u64; 2] = [400, 20_000];
+const WORK: [u64; 2] = [64, 20_000];
 
 /// How a mesh is a copy of another.
 pub(super) struct Alignment {
