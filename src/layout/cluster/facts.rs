@@ -132,10 +132,18 @@ impl Facts {
 }
 
 /// For every node the best frame of its own, where one fits clearly better than that of the tree.
-pub(super) fn own_frames(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned) -> Vec<Option<Own>> {
-    let try_node = |refit: &mut Refit, node: usize| {
+/// `known` tells what is known of a node already.
+pub(super) fn own_frames(
+    soup: &Soup,
+    tree: &Tree,
+    facts: &[Facts],
+    base: &Turned,
+    known: impl Fn(usize) -> Option<Option<Own>> + Sync,
+) -> Vec<Option<Own>> {
+    let find = |refit: &mut Refit, node: usize| {
         facts[node].could_be_turned().then(|| own_frame(soup, tree, node as u32, base, refit)).flatten()
     };
+    let try_node = |refit: &mut Refit, node: usize| known(node).unwrap_or_else(|| find(refit, node));
     (0..tree.nodes.len()).into_par_iter().with_max_len(64).map_init(Refit::default, try_node).collect()
 }
 

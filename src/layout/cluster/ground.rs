@@ -46,6 +46,9 @@ struct Parts {
     units: Vec<Unit>,
 }
 
+/// Triangles that tell whether a frame may fit all.
+const SAMPLE: usize = 1 << 14;
+
 impl Ground {
     /// Of the triangles of some objects; `None` where one of them has a box that no tree can hold. `frames` is whether
     /// frames are looked for.
@@ -71,7 +74,7 @@ impl Ground {
     /// What may leave; `None` where nothing may.
     fn parts(&self) -> Option<&Parts> {
         let find = || Parts {
-            own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base),
+            own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base, |_| None),
             units: units::units(&self.soup, &self.tree, &self.facts, &self.base),
         };
         self.turns.then(|| self.parts.get_or_init(find))
@@ -133,22 +136,21 @@ impl Ground {
         if groups.is_empty() {
             return None;
         }
-        let rest: Vec<u32> = (0..self.soup.len() as u32).filter(|&t| stays[t as usize]).collect();
-        if !rest.is_empty() {
-            let (others, of_rest) = self.cut_rest(&rest, limits, segments);
+        if stays.contains(&true) {
+            let (others, of_rest) = self.cut_rest(&stays, limits, segments);
             groups.splice(0..0, others);
             cost += of_rest;
         }
         Some((groups, cost))
     }
 
-    fn cut_rest(&self, rest: &[u32], limits: &Limits, segments: &[Segment]) -> (Vec<Group>, f64) {
-        let (soup, base) = (&self.soup, &self.base);
-        let bounds = |i: u32| soup.bounds_in(base, rest[i as usize]);
-        let mut tree = Tree::build_from(rest.len(), Quality::Medium, &bounds);
-        tree.order.iter_mut().for_each(|i| *i = rest[*i as usize]);
+    /// The groups of what stays of the tree. Nothing is found again for nodes that lost nothing.
+    fn cut_rest(&self, stays: &[bool], limits: &Limits, segments: &[Segment]) -> (Vec<Group>, f64) {
+        let (tree, known) = self.tree.retaining(|triangle| stays[triangle as usize]);
         let mut facts = facts::facts(&self.soup, &tree, &self.base);
-        let mut own = facts::own_frames(&self.soup, &tree, &facts, &self.base);
+        let own = self.parts().map_or(&[][..], |parts| &parts.own);
+        let mut own =
+            facts::own_frames(&self.soup, &tree, &facts, &self.base, |node| known[node].map(|node| own[node as usize]));
         if !segments.is_empty() {
             let met = Met::new(&self.soup, &tree, &facts, &self.base, segments);
             own = met.own(&own);
@@ -163,7 +165,15 @@ fn best_frame(soup: &Soup, tree: &Tree) -> Turned {
     let mut refit = Refit::default();
     let mut cost = |frame: &Turned| refit.part(tree, 0, |t| soup.bounds_in(frame, t)).cost;
     let rotations = frames::rotations(0..soup.len() as u32, |t| soup.corners(t), Search::SCENE);
+    // Where the boxes of triangles are not smaller, a tree of them hardly costs less.
+    let sample = || (0..soup.len() as u32).step_by(soup.len().div_ceil(SAMPLE).max(1));
+    let area = |frame: &Turned| sample().map(|t| soup.bounds_in(frame, t).area()).sum::<f64>();
+    let most = area(&Turned::NOT);
+    let fitting: Vec<Turned> = rotations.into_iter().map(Turned::by).filter(|frame| area(frame) < most).collect();
+    if fitting.is_empty() {
+        return Turned::NOT;
+    }
     let world = WORTH_TURNING * cost(&Turned::NOT);
-    let tried = rotations.into_iter().map(Turned::by).map(|frame| (cost(&frame), frame));
+    let tried = fitting.into_iter().map(|frame| (cost(&frame), frame));
     tried.fold((world, Turned::NOT), |best, tried| if tried.0 < best.0 { tried } else { best }).1
 }
