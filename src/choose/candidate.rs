@@ -10,7 +10,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::emit;
 use crate::layout::{self, Cache, Content, Layout};
 use crate::report::{self, Pass};
-use crate::scene::{Pinned, Scene};
+use crate::scene::{Bounds, Pinned, Scene};
 use crate::verify::Lap;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::TwoLevel;
@@ -26,6 +26,8 @@ pub(super) struct Candidate {
     pub(super) as_bytes: u64,
     /// Triangles of the largest group that could be divided: meshes of several instances, or of one that is pinned, cannot.
     pub(super) largest_group: usize,
+    /// Longest side of the world box of such a group, in world units; 0 where the user sets no bound on it.
+    pub(super) longest_group: f64,
     /// How it did on a device.
     pub(super) lap: Option<Lap>,
     pub(super) seconds: f64,
@@ -85,6 +87,8 @@ impl Candidate {
         };
         let as_bytes = built.as_bytes(scene);
         let largest_group = largest_group(scene, &built);
+        let longest_group =
+            if plan.options.max_group_extent_ratio.is_some() { longest_group(scene, &built) } else { 0.0 };
         Candidate {
             plan,
             laid,
@@ -92,6 +96,7 @@ impl Candidate {
             sampled_cost,
             as_bytes,
             largest_group,
+            longest_group,
             lap: None,
             seconds: 0.0,
             outcome: String::new(),
@@ -128,16 +133,38 @@ pub(crate) fn as_built<'l>(scene: &Scene, layout: &'l Layout, per: BlasPer) -> C
     }
 }
 
-/// As in [`Candidate::largest_group`].
-fn largest_group(scene: &Scene, layout: &Layout) -> usize {
+/// The groups that could be divided, in order.
+fn divisible<'l>(scene: &Scene, layout: &'l Layout) -> impl Iterator<Item = &'l Content> {
     let mut uses = vec![0u32; scene.meshes.len()];
     scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += if i.pinned.is_some() { 2 } else { 1 });
-    let divisible = |content: &Content| match content {
+    let is_divisible = move |content: &&Content| match content {
         Content::Kept(mesh) | Content::Piece { mesh, .. } => uses[mesh.0 as usize] < 2,
         Content::Baked { .. } => true,
     };
-    let groups = layout.groups.iter().filter(|g| divisible(&g.content));
-    groups.map(|g| g.content.triangle_count(scene)).max().unwrap_or(0)
+    layout.groups.iter().map(|group| &group.content).filter(is_divisible)
+}
+
+/// As in [`Candidate::largest_group`].
+fn largest_group(scene: &Scene, layout: &Layout) -> usize {
+    divisible(scene, layout).map(|content| content.triangle_count(scene)).max().unwrap_or(0)
+}
+
+/// As in [`Candidate::longest_group`].
+fn longest_group(scene: &Scene, layout: &Layout) -> f64 {
+    let mut of_mesh = vec![Bounds::EMPTY; scene.meshes.len()];
+    for (instance, bounds) in scene.instances.iter().zip(scene.instance_boxes()) {
+        let all = &mut of_mesh[instance.mesh.0 as usize];
+        *all = all.union(&bounds);
+    }
+    let box_of = |content: &Content| match content {
+        Content::Kept(mesh) => of_mesh[mesh.0 as usize],
+        Content::Piece { geometries, .. } | Content::Baked { geometries, .. } => {
+            let triangles = geometries.iter().flat_map(|geometry| &geometry.triangles);
+            Bounds::of(triangles.flat_map(|&at| scene.world_corners(at)))
+        }
+    };
+    let longest = |content: &Content| box_of(content).size().max_element();
+    divisible(scene, layout).map(longest).fold(0.0, f64::max)
 }
 
 /// Runs a plan and keeps its rounding within the limit; the scene's pins are as before.

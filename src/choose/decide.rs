@@ -15,12 +15,17 @@ const SURER_THAN_SINGLE: f64 = 0.9;
 /// Layouts whose measured times differ by less than this share are equal: the one with fewer bytes is taken.
 const EQUAL: f64 = 0.003;
 
+/// Lengths that were computed in different ways may differ by this share.
+const ROUNDING: f64 = 1e-6;
+
 /// What a layout may take.
 pub(super) struct Bounds {
     /// Predicted bytes of acceleration structures.
     pub(super) most_bytes: f64,
     /// Triangles of a group that could be divided; `None`: any number.
     pub(super) most_triangles: Option<u32>,
+    /// Longest side of the world box of such a group, in world units; infinite: any length.
+    pub(super) longest: f64,
 }
 
 /// What was decided.
@@ -69,7 +74,13 @@ pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, bounds: &B
 /// Which candidates keep to the bounds on bytes and groups; the input where none does.
 fn fits(candidates: &[Candidate], bounds: &Bounds) -> Vec<bool> {
     let largest = bounds.most_triangles.map_or(usize::MAX, |n| n as usize);
-    let fits = |c: &Candidate| (c.is_input() || c.as_bytes as f64 <= bounds.most_bytes) && c.largest_group <= largest;
+    // No method makes a triangle shorter: what the best of them leaves is as good as the bound.
+    let shortest = candidates.iter().map(|c| c.longest_group).fold(f64::INFINITY, f64::min);
+    let longest = bounds.longest.max(shortest) * (1.0 + ROUNDING);
+    let fits = |c: &Candidate| {
+        let in_bounds = c.largest_group <= largest && c.longest_group <= longest;
+        in_bounds && (c.is_input() || c.as_bytes as f64 <= bounds.most_bytes)
+    };
     let mut fits: Vec<bool> = candidates.iter().map(fits).collect();
     if !fits.contains(&true) {
         fits[0] = true;

@@ -148,7 +148,9 @@ fn best(
     passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
     let measured = raced.is_ok_and(|count| count > 0);
     let most_bytes = max_bytes_ratio * input.as_bytes() as f64;
-    let bounds = decide::Bounds { most_bytes, most_triangles: told.max_group_triangles };
+    let extent = scene.bounds().size().max_element();
+    let longest = told.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent);
+    let bounds = decide::Bounds { most_bytes, most_triangles: told.max_group_triangles, longest };
     let decision = decide::decide(&mut candidates, &verify.weights, &bounds, measured);
     let reports = candidates.iter().map(|c| c.report(&verify.weights)).collect();
     let winner = candidates.swap_remove(decision.winner);

@@ -241,3 +241,30 @@ fn with_one_blas_a_primitive_a_single_group_of_many_materials_is_not_chosen() {
     let (_, single_of_meshes, _) = sampled("mesh");
     assert!(single > 2.0 * single_of_meshes, "{single} for {single_of_meshes}");
 }
+
+/// An axis-aligned object of many small boxes in two heaps far apart, which one BLAS serves well.
+fn two_heaps(folder: &Path) -> PathBuf {
+    let mut text = String::from("o heaps\n");
+    for i in 0..64u32 {
+        let within = dvec3((i % 4) as f64, (i / 4 % 4) as f64, (i / 16 % 2) as f64);
+        let heap = if i < 32 { 0.0 } else { 100.0 };
+        for corner in corners(within + DVec3::X * heap, DVec3::splat(0.9)) {
+            writeln!(text, "v {} {} {}", corner.x, corner.y, corner.z).expect("a string takes all");
+        }
+        text += FACES;
+    }
+    write(folder, "heaps.obj", text)
+}
+
+#[test]
+fn a_bound_on_extents_holds_though_the_input_is_cheaper() {
+    let folder = TempDir::new().unwrap();
+    let scene = two_heaps(folder.path());
+    let (_, report) = auto(&scene, &[]);
+    assert_eq!(report["after"]["mesh_groups"], 1, "without a bound: {}", report["method"]);
+    let (_out, report) = auto(&scene, &["--max-group-extent-ratio", "0.1"]);
+    assert_eq!(report["method"]["chosen"], "cluster", "{}", report["method"]);
+    assert!(report["after"]["mesh_groups"].as_u64().is_some_and(|n| n >= 2), "{}", report["after"]);
+    let input = &report["method"]["candidates"][0];
+    assert_eq!(input["outcome"], "its groups or its bytes are beyond what is allowed");
+}
