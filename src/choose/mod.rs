@@ -10,6 +10,7 @@ mod decide;
 pub mod model;
 mod passes;
 pub mod plans;
+mod refine;
 pub(crate) mod segments;
 
 pub(crate) use candidate::as_built;
@@ -144,7 +145,18 @@ fn best(
     let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
     let mut candidates = evaluate(scene, trees, before, &plans, options, verify);
     let start = Instant::now();
-    let raced = race(scene, machine, &mut candidates, options.effort, verify);
+    let mut raced = race(scene, machine, &mut candidates, options.effort, verify);
+    for round in 0..refine::rounds(options.effort) {
+        let Ok(count) = &mut raced else { break };
+        let plans = refine::plans(&candidates, &verify.weights, round);
+        if plans.is_empty() {
+            break;
+        }
+        let mut near = evaluate(scene, trees, before, &plans, options, verify);
+        near.retain(|new| !candidates.iter().any(|known| known.laid.is_same(&new.laid)));
+        *count += race(scene, machine, &mut near, options.effort, verify).unwrap_or(0);
+        candidates.extend(near);
+    }
     passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
     let measured = raced.is_ok_and(|count| count > 0);
     let most_bytes = max_bytes_ratio * input.as_bytes() as f64;

@@ -61,7 +61,7 @@ type Entry = (u8, &'static str, Method, fn(&mut Options));
 const SEARCHED: Effort = Effort(4);
 
 /// An entry that no group is worth, so that all triangles stay in one, in the frame that fits best.
-const PROHIBITIVE: f64 = 1e9;
+pub(super) const PROHIBITIVE: f64 = 1e9;
 
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.

@@ -68,6 +68,22 @@ pub fn race_on_cpu(
     (0..contenders).flat_map(lap).collect()
 }
 
+/// Does work that takes scenes one after the other, each prepared while the one before is worked on.
+#[cfg(feature = "vulkan")]
+fn prepared_ahead<R>(
+    count: usize,
+    scene_of: impl Fn(usize) -> Scene + Sync,
+    work: impl FnOnce(&dyn Fn() -> Scene) -> R,
+) -> R {
+    let scene_of = &scene_of;
+    std::thread::scope(|scope| {
+        let (send, receive) = std::sync::mpsc::sync_channel(0);
+        scope.spawn(move || (0..count).map(scene_of).all(|scene| send.send(scene).is_ok()));
+        // Nothing is received where preparing panicked, which the end of the scope passes on.
+        work(&move || receive.recv().unwrap_or_default())
+    })
+}
+
 /// Gives all laps the same speeds of the input, the medians of all laps, and contenders theirs in relation to those: a
 /// device that is still clocking up times the first laps alike, and too slow.
 fn level<E>(laps: &mut [Result<Lap, E>]) {
@@ -95,13 +111,20 @@ impl Machine {
         &self,
         before: &Scene,
         contenders: usize,
-        scene_of: impl Fn(usize) -> Scene,
+        scene_of: impl Fn(usize) -> Scene + Sync,
         options: &VerifyOptions,
     ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
         let device = self.device.as_ref()?;
         let laps = Pipelines::new(device).and_then(|pipelines| {
             let build = |scene: &Scene| VulkanTracer::new(&pipelines, scene, options.build);
-            race(before, &build(before)?, contenders, |i| build(&scene_of(i)), options)
+            let first = build(before)?;
+            match device.info().is_software {
+                // What is prepared beside it would slow it down.
+                true => race(before, &first, contenders, |i| build(&scene_of(i)), options),
+                false => prepared_ahead(contenders, scene_of, |next| {
+                    race(before, &first, contenders, |_| build(&next()), options)
+                }),
+            }
         });
         let in_words =
             |laps: Vec<Result<Lap, Error>>| laps.into_iter().map(|lap| lap.map_err(|e| e.to_string())).collect();
@@ -114,7 +137,7 @@ impl Machine {
         &self,
         _: &Scene,
         _: usize,
-        _: impl Fn(usize) -> Scene,
+        _: impl Fn(usize) -> Scene + Sync,
         _: &VerifyOptions,
     ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
         None
@@ -139,6 +162,19 @@ mod tests {
         let after = laps.iter().flatten().map(|lap| lap.kinds.primary.after_mrays_per_s);
         assert_eq!(after.collect::<Vec<_>>(), [12.0, 4.0, 8.0]);
         assert_eq!(laps[0].as_ref().map(|lap| lap.kinds.shadow.after_mrays_per_s), Ok(0.0));
+    }
+
+    #[cfg(feature = "vulkan")]
+    #[test]
+    fn scenes_come_in_their_order_and_no_more_are_prepared_than_are_taken() {
+        let prepared = std::sync::atomic::AtomicUsize::new(0);
+        let scene_of = |i: usize| {
+            prepared.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            Scene { instances: test_scenes::room().instances[..i].to_vec(), ..Scene::default() }
+        };
+        let taken = prepared_ahead(5, scene_of, |next| [next(), next(), next()].map(|scene| scene.instances.len()));
+        assert_eq!(taken, [0, 1, 2]);
+        assert!(prepared.into_inner() <= 4);
     }
 
     #[test]
