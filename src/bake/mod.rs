@@ -12,7 +12,7 @@ pub use copies::FindCopies;
 use raykiln_formats::document::Staged;
 use raykiln_formats::{Document, Warning};
 
-use crate::choose::{self, ChooseOptions};
+use crate::choose::{self, ChooseOptions, Chosen};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::{self, Metrics};
 use crate::emit::{self, Copied, Instancing};
@@ -92,34 +92,15 @@ pub fn bake(
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
     let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
-    let mut chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
+    let chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    let mut tried = Tried::new(
-        Given { doc: &doc, scene: &mut scene, trees: &trees },
-        &chosen.layout,
-        output,
-        &machine,
-        options,
-        &mut clock,
-    )?;
-    if tried.verdict == Verdict::NotFaster && chosen.measured && !emit::is_unchanged(&chosen.layout) {
-        chosen = chosen.left_alone(&scene);
-        drop(tried);
-        tried = Tried::new(
-            Given { doc: &doc, scene: &mut scene, trees: &trees },
-            &chosen.layout,
-            output,
-            &machine,
-            options,
-            &mut clock,
-        )?;
-    }
+    let given = Given { doc: &doc, scene: &mut scene, trees: &trees };
+    let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
     let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
 
     let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
-    let notes = [chosen.layout.notes, written.notes, verification.notes.clone(), profiles].concat();
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -131,13 +112,13 @@ pub fn bake(
         method: chosen.report.with_written(&after, verification.position_error_ratio, seconds),
         after,
         passes: copies.into_iter().chain(chosen.passes).chain(written.passes).collect(),
+        notes: [chosen.layout.notes, written.notes, verification.notes.clone(), profiles].concat(),
         verify: verification,
         seconds: Seconds::default(),
         peak_memory_bytes: None,
         output_bytes: written.staged.bytes(),
         copied: written.copied,
         warnings: words(&[&doc.warnings, &scene_warnings, &written.staged.warnings]),
-        notes,
     };
     clock.enter(Stage::Write);
     if report.verdict != Verdict::Failed {
@@ -205,9 +186,28 @@ struct Tried {
 }
 
 impl Tried {
+    /// Tries a layout; the input as it is instead where the layout was measured to be faster and is not after all.
+    fn or_left_alone(
+        mut given: Given,
+        chosen: Chosen,
+        output: &Path,
+        machine: &Machine,
+        options: &BakeOptions,
+        clock: &mut Clock,
+    ) -> Result<(Chosen, Tried), BakeError> {
+        let tried = Tried::new(&mut given, &chosen.layout, output, machine, options, clock)?;
+        if tried.verdict != Verdict::NotFaster || !chosen.measured || emit::is_unchanged(&chosen.layout) {
+            return Ok((chosen, tried));
+        }
+        let chosen = chosen.left_alone(given.scene);
+        drop(tried);
+        let tried = Tried::new(&mut given, &chosen.layout, output, machine, options, clock)?;
+        Ok((chosen, tried))
+    }
+
     /// Writes a layout and holds it against the input as it was read, without meshes that stand in for copies.
     fn new(
-        Given { doc, scene, trees }: Given,
+        Given { doc, scene, trees }: &mut Given,
         layout: &Layout,
         output: &Path,
         machine: &Machine,

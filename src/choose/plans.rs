@@ -30,7 +30,7 @@ impl Effort {
 
     /// Layouts measured on a device, besides the input and the single BLAS.
     pub(super) fn measured(self) -> usize {
-        [1, 1, 4, 10, 14, 18, usize::MAX][usize::from(self.0)]
+        [1, 1, 4, 12, 18, 24, usize::MAX][usize::from(self.0)]
     }
 
     /// Rays of each kind by which layouts are ranked.
@@ -57,15 +57,16 @@ impl Plan {
 /// A plan that is looked at from some effort on.
 type Entry = (u8, &'static str, Method, fn(&mut Options));
 
-/// From this effort on groups are improved by local search.
-const SEARCHED: Effort = Effort(4);
+/// Plans from this effort on improve groups by local search, which costs time and does not always pay; those before it
+/// stay as they are, so that more effort never sees less.
+const SEARCHED: u8 = 4;
 
 /// An entry that no group is worth, so that all triangles stay in one, in the frame that fits best.
 pub(super) const PROHIBITIVE: f64 = 1e9;
 
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.
-const PLANS: [Entry; 37] = [
+const PLANS: [Entry; 38] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
     (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
@@ -100,6 +101,10 @@ const PLANS: [Entry; 37] = [
     (4, "cluster by rays, entry 2, divided", Method::Cluster, |o| {
         by_rays(o, 2.0);
         o.divide = true;
+    }),
+    (4, "cluster by rays, entry 16, at most 65,536 triangles", Method::Cluster, |o| {
+        by_rays(o, 16.0);
+        o.max_group_triangles = Some(o.max_group_triangles.unwrap_or(u32::MAX).min(1 << 16));
     }),
     (4, "cluster by rays, entry 12", Method::Cluster, |o| by_rays(o, 12.0)),
     (5, "cluster by rays, entry 20, without units", Method::Cluster, |o| without_units(o, 20.0)),
@@ -136,8 +141,8 @@ fn in_pieces(options: &mut Options, pieces: u32) {
 pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
     let bounded = options.max_group_triangles.is_some() || options.max_group_extent_ratio.is_some();
     let heeds = |entry: &&Entry| !bounded || matches!(entry.2, Method::Keep | Method::Cluster);
-    let plan = |&(_, name, method, tell): &Entry| {
-        let mut told = Options { search: effort >= SEARCHED, ..options.clone() };
+    let plan = |&(from, name, method, tell): &Entry| {
+        let mut told = Options { search: from >= SEARCHED, ..options.clone() };
         tell(&mut told);
         let extents = [told.max_group_extent_ratio, options.max_group_extent_ratio];
         told.max_group_extent_ratio = extents.into_iter().flatten().reduce(f64::min);

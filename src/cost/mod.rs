@@ -6,6 +6,7 @@ mod clustering;
 mod divide;
 pub mod mesh_trees;
 pub mod overlap;
+mod retain;
 pub mod sah;
 pub mod segments;
 pub mod structure;

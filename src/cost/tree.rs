@@ -148,44 +148,8 @@ impl Tree {
         reversed
     }
 
-    /// The tree without some items: nodes without any are gone, and those left with one child are that child. Beside it
-    /// for every node of it the node of this tree that it is; `None` where items below are gone.
-    pub fn retaining(&self, stays: impl Fn(u32) -> bool) -> (Tree, Vec<Option<u32>>) {
-        let count = |items: &[u32]| [items.iter().filter(|&&i| stays(i)).count() as u32, items.len() as u32];
-        let counts = self.refit(count, |a, b| [a[0] + b[0], a[1] + b[1]]);
-        let mut tree = Tree::default();
-        let mut known = Vec::new();
-        let mut places: Vec<(u32, usize)> = Vec::new();
-        if counts.first().is_some_and(|c| c[0] > 0) {
-            places.push((0, 0));
-            tree.nodes.push(Node { first: 0, count: 0 });
-            known.push(None);
-        }
-        while let Some((mut at, to)) = places.pop() {
-            let holds = |node: u32| counts[node as usize][0] > 0;
-            let only = |node: &Node| match [node.first, node.first + 1].map(holds) {
-                [true, true] => None,
-                [left, _] => Some(node.first + u32::from(!left)),
-            };
-            while let Some(child) = Some(&self.nodes[at as usize]).filter(|node| !node.is_leaf()).and_then(only) {
-                at = child;
-            }
-            let node = &self.nodes[at as usize];
-            let [stay, all] = counts[at as usize];
-            known[to] = (stay == all).then_some(at);
-            if node.is_leaf() {
-                tree.fill(to, self.order[node.items()].iter().copied().filter(|&i| stays(i)).collect());
-            } else {
-                let child = tree.split(to);
-                known.extend([None; 2]);
-                places.extend([(node.first + 1, child + 1), (node.first, child)]);
-            }
-        }
-        (tree, known)
-    }
-
     /// Gives a node two children and returns the first.
-    fn split(&mut self, at: usize) -> usize {
+    pub(super) fn split(&mut self, at: usize) -> usize {
         let child = self.nodes.len();
         self.nodes[at] = Node { first: child as u32, count: 0 };
         self.nodes.extend([Node { first: 0, count: 0 }; 2]);
@@ -193,7 +157,7 @@ impl Tree {
     }
 
     /// Makes a node the leaf of the items that come next in tree order.
-    fn fill(&mut self, at: usize, items: Vec<u32>) {
+    pub(super) fn fill(&mut self, at: usize, items: Vec<u32>) {
         self.nodes[at] = Node { first: self.order.len() as u32, count: items.len() as u32 };
         self.order.extend(items);
     }
@@ -455,28 +419,6 @@ mod tests {
         assert!(tree.depth() < 96, "depth {}", tree.depth());
         let small = tree.bounds(&boxes).iter().filter(|b| b.size().max_element() < 16.0).count();
         assert!(small > 20_000, "only {small} small nodes");
-    }
-
-    #[test]
-    fn a_tree_retains_some_items_in_its_order() {
-        let boxes = unit_boxes((0..500).map(|i| dvec3((i * 37 % 101) as f64, (i * 13 % 29) as f64, 0.0)));
-        let tree = Tree::build(&boxes, Quality::Medium);
-        let filters: [fn(u32) -> bool; 4] = [|i| i % 3 > 0, |i| i < 20, |_| true, |_| false];
-        for stays in filters {
-            let (some, known) = tree.retaining(stays);
-            let order: Vec<u32> = tree.order.iter().copied().filter(|&i| stays(i)).collect();
-            assert_eq!(some.order, order);
-            assert_eq!(known.len(), some.nodes.len());
-            for (at, known) in (0..).zip(&known) {
-                let items = &some.order[some.items_below(at)];
-                assert!(!items.is_empty());
-                let of_known = known.map(|known| &tree.order[tree.items_below(known)]);
-                assert!(of_known.is_none_or(|of_known| of_known == items));
-            }
-            assert!(order.is_empty() || some.nodes.iter().filter(|n| n.is_leaf()).count() * 2 == some.nodes.len() + 1);
-        }
-        let (all, known) = tree.retaining(|_| true);
-        assert!(all == tree && (0..).zip(&known).all(|(at, known)| *known == Some(at)));
     }
 
     #[test]
