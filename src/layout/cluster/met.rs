@@ -6,6 +6,9 @@
 //! of segments of rays that go on from a node to its child counts instead; where few come to the node, it is drawn to the
 //! ratio of areas as if [`PRIOR`] more had kept to that. Areas become *met areas*, all of them relative to the root's.
 
+use std::cell::Cell;
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
+
 use glam::DAffine3;
 use rayon::prelude::*;
 
@@ -21,7 +24,10 @@ use crate::scene::Bounds;
 const PRIOR: f64 = 8.0;
 
 /// Segments worked on at a time.
-const BLOCK: usize = 256;
+const BLOCK: usize = 64;
+
+/// Boxes met after which no further segments are looked at.
+const MOST_MET: usize = 1 << 25;
 
 /// How many times as much rays meet of each node as lines do.
 pub(super) struct Met {
@@ -87,12 +93,12 @@ impl Met {
     /// What units cost, by rays: each with its share of the tree and what it costs in its own frame.
     pub(super) fn units(&self, units: &[Unit], shares: &[f64], soup: &Soup, segments: &[Segment]) -> Vec<Unit> {
         let boxes: Vec<Bounds> = units.iter().map(|unit| unit.world).collect();
-        let counts = counts_of_boxes(&boxes, segments, &soup.seen_in(&Turned::NOT));
+        let (counts, used) = counts_of_boxes(&boxes, segments, &soup.seen_in(&Turned::NOT));
         let root = self.facts.first().map_or(0.0, |fact| fact.loose);
         let by_rays = |(unit, count): (&Unit, u32)| {
             let share: f64 = unit.items.iter().map(|&t| shares[t as usize]).sum();
             let lines = ratio(unit.own.loose, root, 0.0);
-            let met = (f64::from(count) + PRIOR * lines) / (segments.len() as f64 + PRIOR);
+            let met = (f64::from(count) + PRIOR * lines) / (used as f64 + PRIOR);
             let own = Own { inside: unit.own.inside * ratio(share, unit.share, 1.0), loose: root * met, ..unit.own };
             Unit { own, share, ..unit.clone() }
         };
@@ -107,34 +113,44 @@ fn ratio(a: f64, b: f64, otherwise: f64) -> f64 {
 
 /// How many segments meet the box of every node; `into` takes them to where the boxes are.
 fn counts_of_nodes(tree: &Boxed, segments: &[Segment], into: &DAffine3) -> Vec<u32> {
-    count(tree.tree.nodes.len(), segments, |segment, met| {
-        tree.visit(&mut segment.under(into), |node, _| met.push(node as u32));
-    })
+    let visit = |segment: &Segment, meet: &dyn Fn(u32)| {
+        tree.visit(&mut segment.under(into), |node, _| meet(node as u32));
+    };
+    count(tree.tree.nodes.len(), segments, visit).0
 }
 
-/// How many segments meet each of the boxes.
-fn counts_of_boxes(boxes: &[Bounds], segments: &[Segment], into: &DAffine3) -> Vec<u32> {
+/// How many segments meet each of the boxes, and how many were looked at.
+fn counts_of_boxes(boxes: &[Bounds], segments: &[Segment], into: &DAffine3) -> (Vec<u32>, usize) {
     let tree = Boxed::build(boxes, Quality::Instances);
-    count(boxes.len(), segments, |segment, met| {
+    count(boxes.len(), segments, |segment, meet| {
         tree.visit(&mut segment.under(into), |node, segment| {
-            met.extend(tree.items(node).iter().filter(|&&item| segment.meets(&boxes[item as usize])));
+            tree.items(node).iter().filter(|&&item| segment.meets(&boxes[item as usize])).for_each(|&item| meet(item));
         });
     })
 }
 
-/// How often each of so many things is met.
-fn count(things: usize, segments: &[Segment], meet: impl Fn(&Segment, &mut Vec<u32>) + Sync) -> Vec<u32> {
-    let mut counts = vec![0; things];
-    for block in segments.chunks(BLOCK) {
-        let met = |segment: &Segment| {
-            let mut met = Vec::new();
-            meet(segment, &mut met);
-            met
-        };
-        let met: Vec<Vec<u32>> = block.par_iter().map(met).collect();
-        met.iter().flatten().for_each(|&thing| counts[thing as usize] += 1);
+/// How often each of so many things is met, and by how many of the segments: an even part of them, where all would meet
+/// more than [`MOST_MET`] things together, as where very many boxes lie in one place.
+fn count(things: usize, segments: &[Segment], visit: impl Fn(&Segment, &dyn Fn(u32)) + Sync) -> (Vec<u32>, usize) {
+    // Sums do not depend on their order.
+    let counts: Vec<AtomicU32> = (0..things).map(|_| AtomicU32::new(0)).collect();
+    let (rounds, met, mut used) = (segments.len().div_ceil(BLOCK), AtomicUsize::new(0), 0);
+    for round in 0..rounds {
+        let block: Vec<&Segment> = segments.iter().skip(round).step_by(rounds).collect();
+        block.par_iter().for_each(|segment| {
+            let own = Cell::new(0);
+            visit(segment, &|thing| {
+                counts[thing as usize].fetch_add(1, Relaxed);
+                own.set(own.get() + 1);
+            });
+            met.fetch_add(own.get(), Relaxed);
+        });
+        used += block.len();
+        if met.load(Relaxed) > MOST_MET {
+            break;
+        }
     }
-    counts
+    (counts.into_iter().map(AtomicU32::into_inner).collect(), used)
 }
 
 #[cfg(test)]
@@ -194,6 +210,18 @@ mod tests {
         assert!(share(near) > 0.99 && share(far) < 0.01, "{} {}", share(near), share(far));
         let costs = [near, far].map(|at| met.facts()[at].inside / known.facts[at].inside);
         assert!(costs[0] > 50.0 * costs[1], "{costs:?}");
+    }
+
+    #[test]
+    fn work_is_bounded_and_what_is_looked_at_is_spread() {
+        let segments: Vec<Segment> = (0..1000).map(|i| Segment::new(DVec3::X * f64::from(i), DVec3::Z, 1.0)).collect();
+        let (counts, used) = count(1, &segments, |_, meet| (0..MOST_MET as u32 / 80).for_each(|_| meet(0)));
+        assert!((64..200).contains(&used), "{used}");
+        assert_eq!(counts[0] as usize, used * (MOST_MET / 80));
+        let around = |i: u32| DVec3::X * f64::from(i);
+        let boxes: Vec<Bounds> = (0..1000).map(|i| Bounds { min: around(i) - 0.1, max: around(i) + 0.1 }).collect();
+        let (counts, used) = counts_of_boxes(&boxes, &segments, &DAffine3::IDENTITY);
+        assert!(used == 1000 && counts.iter().all(|&count| count == 1));
     }
 
     #[test]
