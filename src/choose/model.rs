@@ -15,6 +15,18 @@ use crate::verify::weights::Weights;
 /// Rays that run in step.
 const IN_STEP: usize = 32;
 
+/// Groups of neighbours that tell how much work all are.
+const PROBES: usize = 2;
+
+/// Things met after which no more rays are looked at, as where very many boxes lie in one place.
+const MOST_STEPS: u64 = 1 << 26;
+
+/// So many groups of neighbours, at least one, spread over all rays.
+fn spread(rays: &[Ray], groups: usize) -> Vec<Ray> {
+    let step = rays.len().div_ceil(IN_STEP).div_ceil(groups.max(1)).max(1);
+    rays.chunks(IN_STEP).step_by(step).flatten().copied().collect()
+}
+
 /// What kind of device the rays of the user run on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Class {
@@ -111,7 +123,14 @@ impl Ranking<'_> {
 impl Counts {
     /// What rays of a kind meet on their way to what they look for.
     pub fn of(tracer: &CpuTracer<'_>, rays: &[Ray], kind: RayKind) -> Counts {
-        Counts::in_step(&tracer.steps(rays, kind == RayKind::Shadow))
+        let steps = |rays: &[Ray]| tracer.steps(rays, kind == RayKind::Shadow);
+        let probe = spread(rays, PROBES);
+        let met: u64 = steps(&probe).iter().map(Steps::total).sum();
+        let affordable = MOST_STEPS * PROBES as u64 / met.max(1);
+        match affordable < rays.len().div_ceil(IN_STEP) as u64 {
+            true => Counts::in_step(&steps(&spread(rays, affordable as usize))),
+            false => Counts::in_step(&steps(rays)),
+        }
     }
 
     fn in_step(steps: &[Steps]) -> Counts {
@@ -144,6 +163,18 @@ mod tests {
         (steps[3].top, steps[9].entries, steps[40].bottom) = (1, 2, 1);
         assert_eq!(of(&steps), 1.0 + 0.5 * (10.0 + 200.0) + 0.5 * 1000.0);
         assert_eq!(of(&[]), 1.0);
+    }
+
+    #[test]
+    fn neighbours_stay_together_when_few_rays_are_looked_at() {
+        let ray =
+            |i: u16| Ray { origin: glam::Vec3::X * f32::from(i), direction: glam::Vec3::Z, t_min: 0.0, t_max: 1.0 };
+        let rays: Vec<Ray> = (0..1000).map(ray).collect();
+        let starts = |groups| spread(&rays, groups).iter().map(|ray| ray.origin.x as usize).collect::<Vec<_>>();
+        assert_eq!(starts(2), [(0..32).collect::<Vec<_>>(), (512..544).collect()].concat());
+        assert_eq!(starts(0), (0..32).collect::<Vec<_>>());
+        assert_eq!(starts(1000), (0..1000).collect::<Vec<_>>());
+        assert!(spread(&[], 8).is_empty());
     }
 
     #[test]

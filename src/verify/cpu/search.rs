@@ -26,6 +26,13 @@ pub struct Steps {
     pub bottom: u32,
 }
 
+impl Steps {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        u64::from(self.top) + u64::from(self.entries) + u64::from(self.bottom)
+    }
+}
+
 impl<T> Stacks<T> {
     pub(super) fn new(accel: &TwoLevel) -> Self {
         let [top, bottom] = accel.depth.map(Vec::with_capacity);
