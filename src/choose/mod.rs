@@ -225,7 +225,7 @@ fn lay_out_all<'p>(scene: &mut Scene, plans: &'p [Plan], max_error_ratio: f64) -
     laid
 }
 
-/// Candidates ranked side by side: the tree of one large group is built in one thread, and takes memory.
+/// Candidates ranked side by side: each takes memory for its trees.
 const RANKED_AT_ONCE: usize = 2;
 
 /// Times the most promising candidates on the device, if there is one; gives their number, or why there are none.

@@ -43,11 +43,17 @@ const SHRINKS: f64 = 0.9;
 #[derive(Clone)]
 struct Member {
     group: Group,
-    /// Its box in its frame.
+    fit: Fit,
+}
+
+/// How some triangles fit a frame.
+#[derive(Clone, Copy)]
+struct Fit {
+    /// Their box in the frame.
     bounds: Bounds,
     /// The world box of that box: what rays meet.
     world: Bounds,
-    /// What its tree costs.
+    /// What a tree over them costs.
     inside: f64,
 }
 
@@ -75,9 +81,9 @@ pub(super) fn improve(soup: &Soup, groups: Vec<Group>, limits: &Limits) -> Vec<G
     members.into_iter().map(|member| member.group).collect()
 }
 
-/// Puts members in tree order; the largest of equal ones first.
+/// Puts members in the order of a tree over them, where their boxes are not too large for one.
 fn sort(members: &mut Vec<Member>) {
-    let boxes: Vec<Bounds> = members.iter().map(|member| member.world).collect();
+    let boxes: Vec<Bounds> = members.iter().map(|member| member.fit.world).collect();
     let tree = Tree::build_usable(&boxes, Quality::Instances);
     if tree.order.len() == members.len() {
         let mut old: Vec<Option<Member>> = std::mem::take(members).into_iter().map(Some).collect();
@@ -87,21 +93,23 @@ fn sort(members: &mut Vec<Member>) {
 
 impl Search<'_> {
     fn member(&self, group: Group) -> Member {
-        let (bounds, inside) = self.fit(&group.items, &group.frame);
-        Member { world: group.frame.out(&bounds), group, bounds, inside }
+        Member { fit: self.fit(&group.items, &group.frame), group }
     }
 
-    /// The box of some triangles in a frame, and what a tree over them costs there.
-    fn fit(&self, items: &[u32], frame: &Turned) -> (Bounds, f64) {
-        let boxes: Vec<Bounds> = items.iter().map(|&t| self.soup.bounds_in(frame, t)).collect();
+    fn fit(&self, items: &[u32], frame: &Turned) -> Fit {
+        let boxes = self.boxes(items, frame);
         let tree = Tree::build(&boxes, Quality::Fast);
         let fitted = Refit::default().part(&tree, 0, |i| boxes[i as usize]);
-        (fitted.bounds, fitted.cost)
+        Fit { bounds: fitted.bounds, world: frame.out(&fitted.bounds), inside: fitted.cost }
     }
 
-    /// What a group costs whose box in the world and whose tree are given.
-    fn cost(&self, world: &Bounds, inside: f64) -> f64 {
-        self.limits.leaving_cost() * world.area() + inside
+    fn boxes(&self, items: &[u32], frame: &Turned) -> Vec<Bounds> {
+        items.iter().map(|&t| self.soup.bounds_in(frame, t)).collect()
+    }
+
+    /// What a group costs that fits its frame so.
+    fn cost(&self, fit: &Fit) -> f64 {
+        self.limits.leaving_cost() * fit.world.area() + fit.inside
     }
 
     /// The parts of a group whose entries cost less than what they share.
@@ -110,8 +118,7 @@ impl Search<'_> {
         if items.len() > MOST || items.len() < 2 {
             return vec![member];
         }
-        let boxes: Vec<Bounds> = items.iter().map(|&t| self.soup.bounds_in(frame, t)).collect();
-        let mut tree = Tree::build(&boxes, Quality::Medium);
+        let mut tree = Tree::build(&self.boxes(items, frame), Quality::Medium);
         tree.order.iter_mut().for_each(|i| *i = items[*i as usize]);
         let facts = facts(self.soup, &tree, frame);
         let own = vec![None; facts.len()];
@@ -128,14 +135,14 @@ impl Search<'_> {
     /// Joins neighbours that gain most from each other; whether there were any.
     fn join(&self, members: &mut Vec<Member>) -> bool {
         let count = members.len();
-        let with_next = |i: usize| -> Vec<f64> {
-            let next = i + 1..count.min(i + 1 + NEIGHBOURS);
-            next.map(|j| self.joined(&members[i], &members[j]).map_or(0.0, |joined| joined.1)).collect()
+        let with_next = |i: usize| -> Vec<Option<(Fit, f64)>> {
+            (i + 1..count.min(i + 1 + NEIGHBOURS)).map(|j| self.joined(&members[i], &members[j])).collect()
         };
-        let gains: Vec<Vec<f64>> = (0..count).into_par_iter().map(with_next).collect();
+        let found: Vec<Vec<Option<(Fit, f64)>>> = (0..count).into_par_iter().map(with_next).collect();
         let mut best: Vec<(f64, usize)> = vec![(0.0, usize::MAX); count];
-        for (i, gains) in gains.iter().enumerate() {
-            for (&gain, j) in gains.iter().zip(i + 1..) {
+        for (i, found) in found.iter().enumerate() {
+            for (found, j) in found.iter().zip(i + 1..) {
+                let gain = found.map_or(0.0, |(_, gain)| gain);
                 for (of, with) in [(i, j), (j, i)] {
                     if gain > best[of].0 {
                         best[of] = (gain, with);
@@ -143,45 +150,41 @@ impl Search<'_> {
                 }
             }
         }
-        let mutual = (0..count).filter(|&i| best[i].1 != usize::MAX && i < best[i].1 && best[best[i].1].1 == i);
-        let pairs: Vec<(usize, usize)> = mutual.map(|i| (i, best[i].1)).collect();
-        let joined: Vec<Option<Member>> =
-            pairs.par_iter().map(|&(i, j)| Some(self.joined(&members[i], &members[j])?.0)).collect();
         let mut gone = vec![false; count];
-        for (&(i, j), joined) in pairs.iter().zip(joined) {
-            if let Some(joined) = joined {
-                (members[i], gone[j]) = (joined, true);
+        for i in 0..count {
+            let j = best[i].1;
+            let is_mutual = j != usize::MAX && i < j && best[j].1 == i;
+            if let Some((fit, _)) = found[i].get(j.wrapping_sub(i + 1)).copied().flatten().filter(|_| is_mutual) {
+                let [one, other] = [i, j].map(|at| std::mem::take(&mut members[at].group.items));
+                let keeps_frame = one.len() >= other.len();
+                let frame = members[if keeps_frame { i } else { j }].group.frame;
+                let items = if keeps_frame { [one, other].concat() } else { [other, one].concat() };
+                members[i] = Member { group: Group { items, frame }, fit };
+                gone[j] = true;
             }
         }
         let mut gone = gone.into_iter();
         members.retain(|_| !gone.next().unwrap_or(false));
-        !pairs.is_empty()
+        members.len() < count
     }
 
-    /// Two groups as one in the frame of the larger, and what that saves; `None` where it saves nothing.
-    fn joined(&self, one: &Member, other: &Member) -> Option<(Member, f64)> {
+    /// How two groups fit the frame of the larger, the first of equal ones, as one, and what that saves; `None` where it
+    /// saves nothing.
+    fn joined(&self, one: &Member, other: &Member) -> Option<(Fit, f64)> {
         let is_larger = one.group.items.len() >= other.group.items.len();
         let (large, small) = if is_larger { (one, other) } else { (other, one) };
         let triangles = large.group.items.len() + small.group.items.len();
-        let world = large.world.union(&small.world);
-        let most = self.limits.leaving_cost() * (large.world.area() + small.world.area() - world.area());
+        let world = large.fit.world.union(&small.fit.world);
+        let most = self.limits.leaving_cost() * (large.fit.world.area() + small.fit.world.area() - world.area());
         if most <= 0.0 || !self.limits.allow(triangles as u32, world.size().max_element()) {
             return None;
         }
-        let apart = self.cost(&large.world, large.inside) + self.cost(&small.world, small.inside);
-        let with = self.with(large, &small.group.items, (small.group.frame == large.group.frame).then_some(small))?;
-        let gain = apart - self.cost(&with.world, with.inside);
+        let apart = self.cost(&large.fit) + self.cost(&small.fit);
+        let frame = large.group.frame;
+        let known = if small.group.frame == frame { small.fit } else { self.fit(&small.group.items, &frame) };
+        let with = with(large, &known)?;
+        let gain = apart - self.cost(&with);
         (gain > WORTH * apart).then_some((with, gain))
-    }
-
-    /// A group with more triangles, below a new root; `known` are these triangles fitted in its frame already.
-    fn with(&self, member: &Member, items: &[u32], known: Option<&Member>) -> Option<Member> {
-        let frame = member.group.frame;
-        let (bounds, inside) = known.map_or_else(|| self.fit(items, &frame), |known| (known.bounds, known.inside));
-        let bounds = member.bounds.union(&bounds);
-        let inside = member.inside + inside + TRAVERSAL * bounds.area();
-        let items = [&member.group.items, items].concat();
-        inside.is_finite().then(|| Member { world: frame.out(&bounds), group: Group { items, frame }, bounds, inside })
     }
 
     /// Moves parts that make a group's box large into neighbours; whether there were any.
@@ -194,7 +197,9 @@ impl Search<'_> {
                 && !touched[found.to]
             {
                 (touched[i], touched[found.to]) = (true, true);
-                (members[i], members[found.to]) = (found.without, found.with);
+                members[i] = found.without;
+                members[found.to].group.items.extend(found.items);
+                members[found.to].fit = found.with;
             }
         }
         touched.contains(&true)
@@ -205,19 +210,19 @@ impl Search<'_> {
         let member = &members[at];
         let mut best: Option<Move> = None;
         for part in self.parts(member) {
-            let saved = self.cost(&member.world, member.inside) - self.cost(&part.without.world, part.without.inside);
+            let saved = self.cost(&member.fit) - self.cost(&part.without.fit);
             for to in (at.saturating_sub(NEIGHBOURS)..members.len().min(at + 1 + NEIGHBOURS)).filter(|&to| to != at) {
                 let home = &members[to];
-                if TRAVERSAL * home.bounds.area() >= saved || !home.world.overlaps(&part.world) {
+                if TRAVERSAL * home.fit.bounds.area() >= saved || !home.fit.world.overlaps(&part.world) {
                     continue;
                 }
-                let Some(with) = self.with(home, &part.items, None) else { continue };
-                let gain = saved - (self.cost(&with.world, with.inside) - self.cost(&home.world, home.inside));
-                let extent = with.world.size().max_element();
-                let is_allowed = self.limits.allow(with.group.items.len() as u32, extent);
-                let least = WORTH * self.cost(&member.world, member.inside);
+                let Some(with) = with(home, &self.fit(&part.items, &home.group.frame)) else { continue };
+                let gain = saved - (self.cost(&with) - self.cost(&home.fit));
+                let triangles = home.group.items.len() + part.items.len();
+                let is_allowed = self.limits.allow(triangles as u32, with.world.size().max_element());
+                let least = WORTH * self.cost(&member.fit);
                 if is_allowed && gain > best.as_ref().map_or(least, |best| best.gain) {
-                    best = Some(Move { to, gain, without: part.without.clone(), with });
+                    best = Some(Move { to, gain, items: part.items.clone(), without: part.without.clone(), with });
                 }
             }
         }
@@ -230,14 +235,14 @@ impl Search<'_> {
         if items.len() > MOST || items.len() < 2 {
             return Vec::new();
         }
-        let boxes: Vec<Bounds> = items.iter().map(|&t| self.soup.bounds_in(frame, t)).collect();
+        let boxes = self.boxes(items, frame);
         let tree = Tree::build(&boxes, Quality::Fast);
         let bounds = tree.bounds(&boxes);
         let mut parts = Vec::new();
         let mut nodes = vec![(0u32, Bounds::EMPTY, 0)];
         while let Some((at, beside, level)) = nodes.pop() {
             let node = &tree.nodes[at as usize];
-            if level > 0 && beside.area() < SHRINKS * member.bounds.area() {
+            if level > 0 && beside.area() < SHRINKS * member.fit.bounds.area() {
                 parts.extend(self.part(member, &tree.order, tree.items_below(at)));
             }
             if level < LEVELS && !node.is_leaf() {
@@ -276,8 +281,18 @@ struct Part {
 struct Move {
     to: usize,
     gain: f64,
+    items: Vec<u32>,
+    /// The group without it.
     without: Member,
-    with: Member,
+    /// How the neighbour fits with it.
+    with: Fit,
+}
+
+/// How a group fits its frame with more triangles, which fit it so, below a new root.
+fn with(member: &Member, more: &Fit) -> Option<Fit> {
+    let bounds = member.fit.bounds.union(&more.bounds);
+    let inside = member.fit.inside + more.inside + TRAVERSAL * bounds.area();
+    inside.is_finite().then(|| Fit { bounds, world: member.group.frame.out(&bounds), inside })
 }
 
 #[cfg(test)]
@@ -371,7 +386,7 @@ mod tests {
             let limits = limits(entry_cost);
             let search = Search { soup: &soup, limits: &limits };
             let cost = |groups: Vec<Group>| -> f64 {
-                groups.into_iter().map(|g| search.member(g)).map(|m| search.cost(&m.world, m.inside)).sum()
+                groups.into_iter().map(|g| search.member(g)).map(|m| search.cost(&m.fit)).sum()
             };
             let better = improve(&soup, groups(), &limits);
             let mut all: Vec<u32> = better.iter().flat_map(|g| g.items.clone()).collect();
