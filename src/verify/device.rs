@@ -122,15 +122,6 @@ impl Machine {
         self.device.as_ref().map_or(0, Device::peak_memory)
     }
 
-    /// Verifies `after` against `before`. Where the device cannot hold the structures of both, it does one after the
-    /// other; where it cannot take the scenes at all, the CPU does it. A note says so.
-    ///
-    /// # Errors
-    /// A device named that fails otherwise.
-    pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
-        self.verify_with([before, after], [&MeshTrees::default(); 2], options)
-    }
-
     /// As [`Machine::verify`] of the second scene against the first, where trees of their meshes are known.
     ///
     /// # Errors
@@ -231,14 +222,6 @@ impl Machine {
         ("CPU", MachineKind::Cpu)
     }
 
-    /// Verifies `after` against `before` on the CPU.
-    ///
-    /// # Errors
-    /// None.
-    pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
-        self.verify_with([before, after], [&MeshTrees::default(); 2], options)
-    }
-
     /// As [`Machine::verify`] of the second scene against the first, where trees of their meshes are known.
     ///
     /// # Errors
@@ -254,6 +237,15 @@ impl Machine {
 }
 
 impl Machine {
+    /// Verifies `after` against `before`. Where the device cannot hold the structures of both, it does one after the
+    /// other; where it cannot take the scenes at all, the CPU does it. A note says so.
+    ///
+    /// # Errors
+    /// A device named that fails otherwise.
+    pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
+        self.verify_with([before, after], [&MeshTrees::default(); 2], options)
+    }
+
     /// What it does otherwise than asked, in words.
     pub fn notes(&self) -> &[String] {
         &self.notes
