@@ -1,26 +1,29 @@
 //! The glTF document of a scanned OBJ file.
 
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
 use super::material::Materials;
-use super::mesh::{self, Primitive};
+use super::mesh::{self, Made, Primitive};
 use super::notes::Notes;
 use super::scan::Scan;
-use super::streams::{Stream, Streams};
+use super::streams::{Sizes, Stream, Streams};
 
 /// The glTF root object and its one buffer.
 pub(super) fn assemble(
-    scan: &Scan<'_>,
+    scan: &Scan,
     models: Vec<tobj::Mesh>,
     mut materials: Materials,
     notes: &mut Notes,
 ) -> (Value, Vec<u8>) {
-    let mut streams = Streams::default();
-    let mut meshes: Vec<Value> = Vec::with_capacity(models.len());
-    for (part, model) in scan.parts.iter().zip(models) {
+    let made: Vec<Made> = models.into_par_iter().map(|model| mesh::primitives(&model, scan.full_color)).collect();
+    let mut streams = Streams::new(&sizes(&made));
+    let mut meshes: Vec<Value> = Vec::with_capacity(made.len());
+    for (part, made) in scan.parts.iter().zip(made) {
+        made.note(notes);
         let name = part.material.map(|material| scan.materials.get(material));
-        let mut primitives = Vec::new();
-        for made in mesh::primitives(&model, scan.full_color, notes) {
+        let mut primitives = Vec::with_capacity(made.primitives.len());
+        for made in made.primitives {
             let material = name.and_then(|name| materials.index(name, !made.texcoords.is_empty(), notes));
             primitives.push(primitive(&made, material, &mut streams));
         }
@@ -62,6 +65,23 @@ fn insert(root: &mut Map<String, Value>, key: &str, values: Vec<Value>) {
     }
 }
 
+/// What the streams will hold.
+fn sizes(made: &[Made]) -> Sizes {
+    let mut sizes = Sizes::default();
+    for primitive in made.iter().flat_map(|made| &made.primitives) {
+        sizes.add(Stream::Positions, primitive.positions.len());
+        sizes.add(Stream::Normals, primitive.normals.len());
+        sizes.add(Stream::Texcoords, primitive.texcoords.len());
+        sizes.add(Stream::Colors, primitive.colors.len());
+        sizes.add(index_stream(primitive), primitive.indices.len());
+    }
+    sizes
+}
+
+fn index_stream(primitive: &Primitive) -> Stream {
+    if primitive.positions.len() <= usize::from(u16::MAX) { Stream::ShortIndices } else { Stream::Indices }
+}
+
 fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Streams) -> Value {
     let mut attributes = Map::new();
     attributes.insert("POSITION".to_owned(), streams.push_positions(&primitive.positions).into());
@@ -73,11 +93,12 @@ fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Strea
     optional("NORMAL", Stream::Normals, bytemuck::cast_slice(&primitive.normals));
     optional("TEXCOORD_0", Stream::Texcoords, bytemuck::cast_slice(&primitive.texcoords));
     optional("COLOR_0", Stream::Colors, bytemuck::cast_slice(&primitive.colors));
-    let indices = if primitive.positions.len() <= usize::from(u16::MAX) {
-        let short: Vec<u16> = primitive.indices.iter().map(|&i| i as u16).collect();
-        streams.push(Stream::ShortIndices, &short)
-    } else {
-        streams.push(Stream::Indices, &primitive.indices)
+    let indices = match index_stream(primitive) {
+        Stream::ShortIndices => {
+            let short: Vec<u16> = primitive.indices.iter().map(|&i| i as u16).collect();
+            streams.push(Stream::ShortIndices, &short)
+        }
+        stream => streams.push(stream, &primitive.indices),
     };
     let mut out = json!({"attributes": attributes, "indices": indices});
     if let Some(material) = material {
@@ -89,13 +110,13 @@ fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Strea
 /// Nodes in the making. A part is a node with a mesh. A group of one part is that node, named after the group; a
 /// group of several is a node above them, which are named `group/material`. An object is a node above its groups,
 /// unless it is but one group without a name of its own.
-struct Tree<'a, 's> {
-    scan: &'a Scan<'s>,
+struct Tree<'a> {
+    scan: &'a Scan,
     nodes: Vec<Value>,
     meshes: &'a mut [Value],
 }
 
-impl Tree<'_, '_> {
+impl Tree<'_> {
     fn roots(&mut self) -> Vec<usize> {
         let parts: Vec<usize> = (0..self.scan.parts.len()).collect();
         let mut roots = Vec::new();

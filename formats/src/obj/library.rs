@@ -1,7 +1,6 @@
 //! MTL files, read by `tobj` after each statement has been checked: `tobj` gives up a whole file, or panics, at a
 //! colour that is not three numbers.
 
-use std::borrow::Cow;
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
@@ -31,7 +30,7 @@ pub(super) struct Libraries {
 
 impl Libraries {
     /// Loads the MTL files that the statements (line and rest of line) name, each once.
-    pub(super) fn load(statements: &[(usize, Cow<'_, str>)], files: &mut Files, notes: &mut Notes) -> Self {
+    pub(super) fn load(statements: &[(usize, String)], files: &mut Files, notes: &mut Notes) -> Self {
         let mut out = Libraries::default();
         let mut loaded = HashSet::new();
         for (line, written) in statements {
@@ -55,7 +54,7 @@ impl Libraries {
             Ok(bytes) => bytes,
             Err(cause) => return notes.add(|| name, &format!("material library cannot be read: {cause}")),
         };
-        let text = text::decode(bytes, notes);
+        let text = text::decode(vec![bytes], notes).concat();
         let checked = Checked::of(&text, &name, notes);
         // Every statement has been checked, so that an error here leaves out this library only.
         let Ok((materials, _)) = tobj::load_mtl_buf(&mut checked.text.as_bytes()) else {

@@ -1,8 +1,7 @@
 //! Meshes of `tobj` made into glTF primitives.
 
-use std::collections::HashMap;
-
 use glam::{DVec2, DVec3, Vec3};
+use rustc_hash::FxHashMap;
 
 use super::notes::Notes;
 use super::polygon::{self, Outcome};
@@ -40,28 +39,47 @@ struct Source<'a> {
     colors: Vec<Option<[f32; 3]>>,
 }
 
-/// The primitives of a mesh: one, or as many as its faces differ in what they lack, in order of first appearance.
-pub(super) fn primitives(mesh: &tobj::Mesh, full_color: f32, notes: &mut Notes) -> Vec<Primitive> {
+/// What a mesh makes.
+#[derive(Debug, Default)]
+pub(super) struct Made {
+    /// One primitive, or as many as the faces differ in what they lack, in order of first appearance.
+    pub(super) primitives: Vec<Primitive>,
+    /// Number of finite faces that could only be split from their first corner.
+    fans: usize,
+}
+
+impl Made {
+    /// Notes what was done to the mesh.
+    pub(super) fn note(&self, notes: &mut Notes) {
+        let message = "faces whose outline crosses itself or lies in no plane, split from their first corner";
+        notes.add_many(String::new, message, self.fans);
+    }
+}
+
+/// The primitives of a mesh.
+pub(super) fn primitives(mesh: &tobj::Mesh, full_color: f32) -> Made {
     let source = Source::of(mesh, full_color);
-    let mut out: Vec<(Has, Builder)> = Vec::new();
-    let (mut start, mut points, mut triangles) = (0, Vec::new(), Vec::new());
+    let mut builders: Vec<(Has, Builder)> = Vec::new();
+    let (mut start, mut points, mut triangles, mut fans) = (0, Vec::new(), Vec::new(), 0);
     for count in arities(mesh) {
         let corners = start..start + count;
         start += count;
         let has = source.has(corners.clone());
-        let at = out.iter().position(|(other, _)| *other == has).unwrap_or_else(|| {
-            out.push((has, Builder::default()));
-            out.len() - 1
+        let at = builders.iter().position(|(other, _)| *other == has).unwrap_or_else(|| {
+            builders.push((has, Builder::default()));
+            builders.len() - 1
         });
         points.clear();
         points.extend(corners.clone().map(|corner| source.position(corner)));
         triangles.clear();
-        note(polygon::triangulate(&points, &mut triangles), &points, notes);
+        let outcome = polygon::triangulate(&points, &mut triangles);
+        fans += usize::from(outcome == Outcome::Fan && points.iter().all(|point| point.is_finite()));
         for corner in triangles.iter().flatten() {
-            out[at].1.add(source.key(corners.start + corner, has));
+            builders[at].1.add(source.key(corners.start + corner, has));
         }
     }
-    out.into_iter().map(|(has, builder)| source.primitive(has, builder)).collect()
+    let primitives = builders.into_iter().map(|(has, builder)| source.primitive(has, builder)).collect();
+    Made { primitives, fans }
 }
 
 fn arities(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
@@ -72,20 +90,13 @@ fn arities(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
     }
 }
 
-fn note(outcome: Outcome, points: &[DVec3], notes: &mut Notes) {
-    if outcome == Outcome::Fan && points.iter().all(|point| point.is_finite()) {
-        let message = "faces whose outline crosses itself or lies in no plane, split from their first corner";
-        notes.add(String::new, message);
-    }
-}
-
 /// Position, texture coordinate and normal of a vertex, as indices of the `tobj` mesh; 0 where it has none.
 type Key = [u32; 3];
 
 /// Numbers vertices in order of first use.
 #[derive(Default)]
 struct Builder {
-    number: HashMap<Key, u32>,
+    number: FxHashMap<Key, u32>,
     keys: Vec<Key>,
     indices: Vec<u32>,
 }

@@ -24,6 +24,7 @@ mod streams;
 mod text;
 mod texture;
 
+use std::fs::File;
 use std::path::Path;
 
 use crate::document::Kind;
@@ -45,12 +46,12 @@ pub(crate) fn is_obj(path: &Path) -> bool {
 /// Names the line of an OBJ statement that cannot be read: malformed numbers, indices that are zero or out of range.
 /// What is wrong with an MTL file or a texture is a warning.
 pub(crate) fn read(path: &Path) -> Result<Document, Error> {
-    let bytes = std::fs::read(path).map_err(|cause| Error::whole(path, cause))?;
+    let whole = |cause: std::io::Error| Error::whole(path, cause);
     let mut notes = Notes::default();
-    let text = text::decode(bytes, &mut notes);
+    let blocks = blocks(path, &mut notes).map_err(whole)?;
     let at_line = |fault: Fault| Error::at(path, text::place(fault.line), fault.cause);
-    let scan = Scan::of(&text, &mut notes).map_err(at_line)?;
-    let models = scan.parse().map_err(|cause| match scan::first_malformed(&text) {
+    let (scan, statements) = Scan::of(blocks, &mut notes).map_err(at_line)?;
+    let models = statements.parse().map_err(|cause| match first_malformed(path) {
         Some(fault) => at_line(fault),
         None => Error::whole(path, cause),
     })?;
@@ -61,4 +62,21 @@ pub(crate) fn read(path: &Path) -> Result<Document, Error> {
     let (json, buffer) = assemble::assemble(&scan, models, materials, &mut notes);
     let buffers = if buffer.is_empty() { Vec::new() } else { vec![buffer.into()] };
     Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings: notes.into_warnings() })
+}
+
+/// The text of a file; its last line ends in a line feed.
+fn blocks(path: &Path, notes: &mut Notes) -> std::io::Result<Vec<String>> {
+    let mut blocks = text::decode(text::read_blocks(File::open(path)?)?, notes);
+    if let Some(last) = blocks.last_mut()
+        && !last.ends_with('\n')
+    {
+        last.push('\n');
+    }
+    Ok(blocks)
+}
+
+/// The first malformed coordinate of a file that `tobj` could not parse. The file is read once more: its text went as it
+/// was parsed.
+fn first_malformed(path: &Path) -> Option<Fault> {
+    scan::first_malformed(&blocks(path, &mut Notes::default()).ok()?)
 }

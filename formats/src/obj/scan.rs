@@ -4,20 +4,30 @@
 //! under a `g` line with the part's number. Corners without a texture coordinate or a normal refer to one appended
 //! after the last, which is not a number; so do uncoloured vertices, where the file colours others. Thus `tobj` never
 //! has to invent a value, and every value it gives back can be told from a missing one.
+//!
+//! Blocks of the text are scanned side by side and put together in order. Most lines are normal as they are: the
+//! normalised text is made of slices of the text, of which each block goes as soon as `tobj` has read the last of it.
 
-use std::borrow::Cow;
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use super::notes::Notes;
-use super::text::{self, Line, place, words};
+use bytes::Bytes;
+use rayon::prelude::*;
 
+use super::notes::Notes;
+use super::text::{self, words};
+
+mod block;
 mod chunks;
 mod elements;
 mod face;
+mod merge;
+mod pieces;
 
+use block::{Block, Context};
 use chunks::Chunks;
-use elements::Elements;
+use elements::Tally;
+use merge::Merge;
 
 /// What is wrong with a line.
 #[derive(Debug)]
@@ -37,35 +47,45 @@ pub(super) struct Part {
     pub(super) group: Option<usize>,
     /// Index into [`Scan::materials`]; `None` before the first `usemtl`.
     pub(super) material: Option<usize>,
-    faces: String,
 }
 
-/// What an OBJ text says besides its numbers, and its numbers in a form that `tobj` reads without loss.
+/// What an OBJ text says besides its numbers.
 #[derive(Debug, Default)]
-pub(super) struct Scan<'a> {
+pub(super) struct Scan {
     /// Names of objects, each once.
-    pub(super) objects: Names<'a>,
+    pub(super) objects: Names,
     /// Names of groups, each once.
-    pub(super) groups: Names<'a>,
+    pub(super) groups: Names,
     /// Names of materials, each once.
-    pub(super) materials: Names<'a>,
+    pub(super) materials: Names,
     /// `mtllib` statements: line and rest of the line.
-    pub(super) libraries: Vec<(usize, Cow<'a, str>)>,
+    pub(super) libraries: Vec<(usize, String)>,
     /// The parts with at least one face, in order of their first.
     pub(super) parts: Vec<Part>,
-    elements: Elements,
     /// What vertex colours are to be divided by to come into 0..1.
     pub(super) full_color: f32,
 }
 
+/// The numbers of an OBJ text, in a form that `tobj` reads without loss.
+#[derive(Debug, Default)]
+pub(super) struct Statements {
+    elements: Vec<Bytes>,
+    /// The faces of each part.
+    faces: Vec<Vec<Bytes>>,
+}
+
 /// Distinct names in order of first appearance.
 #[derive(Debug, Default)]
-pub(super) struct Names<'a>(Interner<Cow<'a, str>>);
+pub(super) struct Names(Interner<String>);
 
-impl Names<'_> {
+impl Names {
     /// The name of that index.
     pub(super) fn get(&self, index: usize) -> &str {
         &self.0.values[index]
+    }
+
+    fn number(&mut self, name: &str) -> usize {
+        self.0.index.get(name).copied().unwrap_or_else(|| self.0.number(name.to_owned()))
     }
 }
 
@@ -92,158 +112,80 @@ impl<T: Hash + Eq + Clone> Interner<T> {
     }
 }
 
-impl<'a> Scan<'a> {
-    /// Scans a whole text.
+impl Scan {
+    /// Scans a text in blocks of whole lines.
     ///
     /// # Errors
     /// Names the first line whose numbers are too few or whose indices are malformed, zero or out of range. Malformed
-    /// coordinates are left to [`Scan::parse`].
-    pub(super) fn of(text: &'a str, notes: &mut Notes) -> Result<Self, Fault> {
-        let mut scanner = Scanner::new(text, notes);
-        for line in text::lines(text) {
-            let number = line.number;
-            scanner.statement(line).map_err(|cause| Fault { line: number, cause })?;
-        }
-        scanner.finish()
-    }
+    /// coordinates are left to [`Statements::parse`].
+    pub(super) fn of(texts: Vec<String>, notes: &mut Notes) -> Result<(Self, Statements), Fault> {
+        let has = |keyword: &str| texts.par_iter().any(|text| text.contains(keyword));
+        let context =
+            Context { has_texcoords: has("vt"), has_normals: has("vn"), colored: begins_colored(&texts), before: None };
+        let mut blocks: Vec<Block> = texts.par_iter().map(|text| Block::of(text, context)).collect();
+        settle(&texts, &mut blocks, context);
 
-    /// Parses the normalised text. The meshes are in the order of [`Scan::parts`]; the corners of a mesh all have
-    /// texture coordinates and normals or none has, missing ones being those that are not finite.
-    pub(super) fn parse(&self) -> Result<Vec<tobj::Mesh>, tobj::LoadError> {
-        let mut headers = String::new();
-        let ends: Vec<usize> = (0..self.parts.len())
-            .map(|i| {
-                headers.push_str(&format!("g {i}\n"));
-                headers.len()
-            })
-            .collect();
-        let mut chunks = vec![self.elements.text()];
-        let mut start = 0;
-        for (part, end) in self.parts.iter().zip(ends) {
-            chunks.push(&headers.as_bytes()[start..end]);
-            chunks.push(part.faces.as_bytes());
-            start = end;
+        let mut merge = Merge::new(notes);
+        for (text, block) in texts.into_iter().zip(blocks) {
+            merge.add(text, block)?;
         }
+        merge.finish(context)
+    }
+}
+
+/// Whether the first position of the text has a colour; then the others need not be scanned to know that one has.
+fn begins_colored(texts: &[String]) -> bool {
+    let mut lines = texts.iter().take(1).flat_map(|text| text::lines(text));
+    let first = lines.find(|line| line.text().0 == "v");
+    first.is_some_and(|line| words(line.text().1).count() >= 6)
+}
+
+/// Scans the blocks again that depend on others, with what the first scan told of these.
+fn settle(texts: &[String], blocks: &mut [Block], context: Context) {
+    let colored = blocks.iter().any(|block| block.tally.colored);
+    let mut before = Tally::default();
+    let known: Vec<Context> = blocks
+        .iter()
+        .map(|block| {
+            let known = Context { colored, before: Some(before.counts), ..context };
+            before.add(&block.tally);
+            known
+        })
+        .collect();
+    blocks.par_iter_mut().zip(texts).zip(known).for_each(|((block, text), known)| {
+        if block.depends_on_others(known.colored, context) {
+            *block = Block::of(text, known);
+        }
+    });
+}
+
+impl Statements {
+    /// Parses the normalised text, which goes as it is read. The meshes are in the order of [`Scan::parts`]; the corners
+    /// of a mesh all have texture coordinates and normals or none has, missing ones being those that are not finite.
+    pub(super) fn parse(self) -> Result<Vec<tobj::Mesh>, tobj::LoadError> {
+        let parts = self.faces.len();
+        let header = |part: usize| Bytes::from(format!("g {part}\n"));
+        let faces = (0..).zip(self.faces).flat_map(|(part, faces)| std::iter::once(header(part)).chain(faces));
         let options = tobj::LoadOptions { single_index: false, triangulate: false, ..Default::default() };
         let no_library = |_: &std::path::Path| Err(tobj::LoadError::GenericFailure);
-        let (models, _) = tobj::load_obj_buf(&mut Chunks::new(chunks), &options, no_library)?;
+        let mut text = Chunks::new(self.elements.into_iter().chain(faces));
+        let (models, _) = tobj::load_obj_buf(&mut text, &options, no_library)?;
         // tobj closes with an empty model where there is no face at all.
-        Ok(models.into_iter().map(|model| model.mesh).take(self.parts.len()).collect())
+        Ok(models.into_iter().map(|model| model.mesh).take(parts).collect())
     }
 }
 
 /// The first line with a coordinate that is no number; looked for once parsing has failed.
-pub(super) fn first_malformed(text: &str) -> Option<Fault> {
-    text::lines(text).find_map(|line| {
-        let (key, rest) = line.text();
-        elements::check(key, rest).err().map(|cause| Fault { line: line.number, cause })
+pub(super) fn first_malformed(texts: &[String]) -> Option<Fault> {
+    let mut before = 0;
+    texts.iter().find_map(|text| {
+        let fault = text::lines(text).find_map(|line| {
+            let (key, rest) = line.text();
+            elements::check(key, rest).err().map(|cause| Fault { line: before + line.number, cause })
+        });
+        before += text.matches('\n').count();
+        fault
     })
-}
-
-/// The state of the scan.
-struct Scanner<'a, 'n> {
-    scan: Scan<'a>,
-    notes: &'n mut Notes,
-    keys: Interner<(Option<usize>, Option<usize>, Option<usize>)>,
-    object: Option<usize>,
-    group: Option<usize>,
-    material: Option<usize>,
-    /// The part that object, group and material make; `None` until a face asks for it.
-    part: Option<usize>,
-    faces: face::Faces,
-}
-
-impl<'a, 'n> Scanner<'a, 'n> {
-    fn new(text: &str, notes: &'n mut Notes) -> Self {
-        Scanner {
-            scan: Scan::default(),
-            notes,
-            keys: Interner::default(),
-            object: None,
-            group: None,
-            material: None,
-            part: None,
-            faces: face::Faces::of(text),
-        }
-    }
-
-    fn statement(&mut self, line: Line<'a>) -> Result<(), String> {
-        let number = line.number;
-        let (key, rest) = line.into_text();
-        match key.as_ref() {
-            "v" | "vt" | "vn" => return self.scan.elements.add(&key, &rest, number, self.notes),
-            "f" | "fo" => return self.face(&rest, number),
-            "o" => {
-                self.object = named(&mut self.scan.objects, rest);
-                self.group = None;
-                self.part = None;
-            }
-            "g" => {
-                self.group = named(&mut self.scan.groups, rest);
-                self.part = None;
-            }
-            "usemtl" => {
-                self.material = Some(self.scan.materials.0.number(rest));
-                self.part = None;
-            }
-            "mtllib" => self.scan.libraries.push((number, rest)),
-            _ => self.notes.add(|| place(number), left_out(&key)),
-        }
-        Ok(())
-    }
-
-    fn face(&mut self, rest: &str, line: usize) -> Result<(), String> {
-        let corners = self.faces.read(rest, line, self.scan.elements.counts())?;
-        if corners < 3 {
-            self.notes.add(|| place(line), "faces of fewer than three corners left out");
-            return Ok(());
-        }
-        let part = match self.part {
-            Some(part) => part,
-            None => self.enter_part(),
-        };
-        self.part = Some(part);
-        self.faces.write(rest, &mut self.scan.parts[part].faces);
-        Ok(())
-    }
-
-    fn enter_part(&mut self) -> usize {
-        let (object, group, material) = (self.object, self.group, self.material);
-        let part = self.keys.number((object, group, material));
-        if part == self.scan.parts.len() {
-            self.scan.parts.push(Part { object, group, material, faces: String::new() });
-        }
-        part
-    }
-
-    fn finish(mut self) -> Result<Scan<'a>, Fault> {
-        self.faces.check_range(self.scan.elements.counts())?;
-        self.scan.elements.finish(self.faces.has_texcoords, self.faces.has_normals);
-        self.scan.full_color = self.scan.elements.full_color(self.notes);
-        if self.scan.parts.is_empty() {
-            self.notes.add(String::new, "no faces");
-        }
-        Ok(self.scan)
-    }
-}
-
-fn named<'a>(names: &mut Names<'a>, name: Cow<'a, str>) -> Option<usize> {
-    (!name.is_empty()).then(|| names.0.number(name))
-}
-
-/// What is said about a statement that makes no surface.
-fn left_out(key: &str) -> &'static str {
-    match key {
-        "p" => "points (p) left out",
-        "l" => "lines (l) left out",
-        "s" | "sg" => "smoothing groups (s) ignored: normals are taken as the file has them",
-        "vp" | "cstype" | "deg" | "bmat" | "step" | "curv" | "curv2" | "surf" | "parm" | "trim" | "hole" | "scrv"
-        | "sp" | "end" | "con" | "bsp" | "bzp" | "cdc" | "cdp" | "res" => "free-form curves and surfaces left out",
-        "bevel" | "c_interp" | "d_interp" | "lod" | "maplib" | "usemap" | "shadow_obj" | "trace_obj" | "ctech"
-        | "stech" | "mg" => "display attributes ignored",
-        "call" | "csh" => "calls of other files (call, csh) ignored",
-        _ => "statements of unknown keyword ignored",
-    }
 }
 
 /// Whether a number that C printed for "not a number" or infinity is among the words, or a comment behind them.

@@ -35,26 +35,57 @@ impl Stream {
     }
 }
 
+/// Bytes of each stream.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Sizes([usize; 6]);
+
+impl Sizes {
+    /// Counts `count` more elements.
+    pub(super) fn add(&mut self, stream: Stream, count: usize) {
+        self.0[stream as usize] += count * stream.element().2;
+    }
+}
+
 /// Accessors, and the bytes they refer to.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Streams {
-    bytes: [Vec<u8>; 6],
-    /// Stream, first byte in it, and the accessor without its buffer view.
-    accessors: Vec<(Stream, Value)>,
+    buffer: Vec<u8>,
+    /// Where each stream starts, and where its next element goes.
+    starts: [usize; 6],
+    ends: [usize; 6],
+    views: Vec<Value>,
+    /// Buffer view of each stream.
+    view_of: [usize; 6],
+    accessors: Vec<Value>,
 }
 
 impl Streams {
+    /// For streams of just these sizes.
+    pub(super) fn new(sizes: &Sizes) -> Self {
+        let (mut views, mut starts, mut view_of, mut end) = (Vec::new(), [0; 6], [0; 6], 0);
+        for stream in Stream::ALL {
+            let size = sizes.0[stream as usize];
+            (starts[stream as usize], view_of[stream as usize]) = (end, views.len());
+            if size > 0 {
+                views.push(view(stream, end, size));
+            }
+            end += size;
+        }
+        Streams { buffer: vec![0; end], starts, ends: starts, views, view_of, accessors: Vec::new() }
+    }
+
     /// Adds an accessor over the elements; returns its index.
     pub(super) fn push<T: bytemuck::NoUninit>(&mut self, stream: Stream, elements: &[T]) -> usize {
         let (component, kind, size) = stream.element();
-        let bytes = &mut self.bytes[stream as usize];
-        let offset = bytes.len();
-        bytes.extend_from_slice(bytemuck::cast_slice(elements));
-        let count = (bytes.len() - offset) / size;
-        let accessor = json!({
-            "bufferView": null, "byteOffset": offset, "componentType": component, "count": count, "type": kind
-        });
-        self.accessors.push((stream, accessor));
+        let bytes: &[u8] = bytemuck::cast_slice(elements);
+        let start = self.ends[stream as usize];
+        let end = start + bytes.len();
+        self.buffer[start..end].copy_from_slice(bytes);
+        self.ends[stream as usize] = end;
+        self.accessors.push(json!({
+            "bufferView": self.view_of[stream as usize], "byteOffset": start - self.starts[stream as usize],
+            "componentType": component, "count": bytes.len() / size, "type": kind
+        }));
         self.accessors.len() - 1
     }
 
@@ -64,28 +95,14 @@ impl Streams {
         let finite = |axis: usize| positions.iter().map(move |p| p[axis]).filter(|x| x.is_finite());
         // JSON has no infinity: where nothing is finite the bounds are zero.
         let bound = |pick: fn(f32, f32) -> f32| [0, 1, 2].map(|axis| finite(axis).reduce(pick).unwrap_or(0.0)).to_vec();
-        self.accessors[index].1["min"] = bound(f32::min).into();
-        self.accessors[index].1["max"] = bound(f32::max).into();
+        self.accessors[index]["min"] = bound(f32::min).into();
+        self.accessors[index]["max"] = bound(f32::max).into();
         index
     }
 
     /// `accessors`, `bufferViews` and the buffer.
     pub(super) fn finish(self) -> (Vec<Value>, Vec<Value>, Vec<u8>) {
-        let (mut views, mut buffer, mut view_of) = (Vec::new(), Vec::new(), [0; 6]);
-        buffer.reserve_exact(self.bytes.iter().map(Vec::len).sum());
-        for (stream, bytes) in Stream::ALL.into_iter().zip(self.bytes) {
-            if bytes.is_empty() {
-                continue;
-            }
-            view_of[stream as usize] = views.len();
-            views.push(view(stream, buffer.len(), bytes.len()));
-            buffer.extend_from_slice(&bytes);
-        }
-        let accessors = self.accessors.into_iter().map(|(stream, mut accessor)| {
-            accessor["bufferView"] = view_of[stream as usize].into();
-            accessor
-        });
-        (accessors.collect(), views, buffer)
+        (self.accessors, self.views, self.buffer)
     }
 }
 

@@ -1,7 +1,12 @@
 //! The text of OBJ and MTL files: encodings, lines, words.
 
 use std::borrow::Cow;
+use std::io::Read;
+use std::ops::Range;
 use std::str::Split;
+use std::string::FromUtf8Error;
+
+use rayon::prelude::*;
 
 use super::notes::Notes;
 
@@ -10,6 +15,8 @@ use super::notes::Notes;
 pub(super) struct Line<'a> {
     /// Number of its first line, from 1.
     pub(super) number: usize,
+    /// Where it stands in the text, line ends included.
+    pub(super) range: Range<usize>,
     text: Cow<'a, str>,
 }
 
@@ -19,18 +26,9 @@ impl<'a> Line<'a> {
         cut(&self.text)
     }
 
-    /// As [`Line::text`], for a rest that outlives the line.
-    pub(super) fn into_text(self) -> (Cow<'a, str>, Cow<'a, str>) {
-        match self.text {
-            Cow::Borrowed(text) => {
-                let (key, rest) = cut(text);
-                (Cow::Borrowed(key), Cow::Borrowed(rest))
-            }
-            Cow::Owned(text) => {
-                let (key, rest) = cut(&text);
-                (Cow::Owned(key.to_owned()), Cow::Owned(rest.to_owned()))
-            }
-        }
+    /// Whether it stands in the text just as it is, not continued over several lines.
+    pub(super) fn is_verbatim(&self) -> bool {
+        matches!(self.text, Cow::Borrowed(_))
     }
 }
 
@@ -42,19 +40,23 @@ fn cut(text: &str) -> (&str, &str) {
 /// The statements of a text, in order. A backslash at the end of a line continues it, but not that of a comment:
 /// comments hold Windows paths more often than continuations.
 pub(super) fn lines(text: &str) -> Lines<'_> {
-    Lines { rest: text.split('\n'), number: 0 }
+    Lines { rest: text.split('\n'), number: 0, offset: 0 }
 }
 
 /// See [`lines`].
 pub(super) struct Lines<'a> {
     rest: Split<'a, char>,
     number: usize,
+    /// Where the next line starts.
+    offset: usize,
 }
 
 impl<'a> Lines<'a> {
     fn raw(&mut self) -> Option<&'a str> {
+        let raw = self.rest.next()?;
         self.number += 1;
-        self.rest.next().map(str::trim)
+        self.offset += raw.len() + 1;
+        Some(raw.trim())
     }
 
     fn continued(&mut self, first: &str) -> String {
@@ -75,13 +77,14 @@ impl<'a> Iterator for Lines<'a> {
 
     fn next(&mut self) -> Option<Line<'a>> {
         loop {
+            let start = self.offset;
             let raw = self.raw()?;
             let number = self.number;
             if raw.is_empty() || raw.starts_with('#') {
                 continue;
             }
             let text = if raw.ends_with('\\') { Cow::Owned(self.continued(raw)) } else { Cow::Borrowed(raw) };
-            return Some(Line { number, text });
+            return Some(Line { number, range: start..self.offset, text });
         }
     }
 }
@@ -96,23 +99,73 @@ pub(super) fn words(rest: &str) -> impl Iterator<Item = &str> {
     rest.split_whitespace().take_while(|word| !word.starts_with('#'))
 }
 
-/// The bytes of a file as text: UTF-8, UTF-16 where a byte order mark says so, else Latin-1. A file whose only line
-/// ends are carriage returns gets line feeds.
-pub(super) fn decode(bytes: Vec<u8>, notes: &mut Notes) -> String {
-    let text = match bytes.as_slice() {
-        [0xFE, 0xFF, rest @ ..] => utf16(rest, u16::from_be_bytes),
-        [0xFF, 0xFE, rest @ ..] => utf16(rest, u16::from_le_bytes),
-        [0xEF, 0xBB, 0xBF, rest @ ..] => utf8(rest.to_vec(), notes),
-        _ => utf8(bytes, notes),
-    };
-    if text.contains('\r') && !text.contains('\n') { text.replace('\r', "\n") } else { text }
+/// Bytes in a block of a file that is read in blocks; lines without end make larger ones.
+const BLOCK: usize = 1 << 20;
+
+/// A file in blocks of whole statements, which can be read side by side and let go one by one.
+pub(super) fn read_blocks(mut file: impl Read) -> std::io::Result<Vec<Vec<u8>>> {
+    let (mut blocks, mut block) = (Vec::new(), Vec::new());
+    loop {
+        let more = BLOCK.max(block.len());
+        block.reserve_exact(more);
+        if (&mut file).take(more as u64).read_to_end(&mut block)? == 0 {
+            break;
+        }
+        if let Some(end) = end_of_statement(&block) {
+            let rest = block.split_off(end);
+            blocks.push(std::mem::replace(&mut block, rest));
+        }
+    }
+    if !block.is_empty() {
+        blocks.push(block);
+    }
+    Ok(blocks)
 }
 
-fn utf8(bytes: Vec<u8>, notes: &mut Notes) -> String {
-    String::from_utf8(bytes).unwrap_or_else(|error| {
-        notes.add(String::new, "text that is not UTF-8 is read as Latin-1");
-        error.as_bytes().iter().map(|&byte| char::from(byte)).collect()
-    })
+/// The last line feed that certainly ends a statement, in any encoding that has ASCII: before it stands a printable
+/// character of ASCII, but no backslash.
+fn end_of_statement(bytes: &[u8]) -> Option<usize> {
+    let mut end = bytes.len();
+    loop {
+        end = bytes[..end].iter().rposition(|&byte| byte == b'\n')?;
+        let before = bytes[..end].trim_ascii_end();
+        let last = *before.last()?;
+        if last.is_ascii_graphic() && last != b'\\' {
+            return Some(end + 1);
+        }
+        end = before.len();
+    }
+}
+
+/// The blocks of a file as text: UTF-8, UTF-16 where a byte order mark says so, else Latin-1. A file whose only line
+/// ends are carriage returns gets line feeds.
+pub(super) fn decode(mut blocks: Vec<Vec<u8>>, notes: &mut Notes) -> Vec<String> {
+    let mut texts = match blocks.first().map(Vec::as_slice) {
+        Some([0xFE, 0xFF, ..]) => vec![utf16(&blocks.concat()[2..], u16::from_be_bytes)],
+        Some([0xFF, 0xFE, ..]) => vec![utf16(&blocks.concat()[2..], u16::from_le_bytes)],
+        Some([0xEF, 0xBB, 0xBF, ..]) => {
+            blocks[0].drain(..3);
+            utf8(blocks, notes)
+        }
+        _ => utf8(blocks, notes),
+    };
+    if let [text] = texts.as_mut_slice()
+        && text.contains('\r')
+        && !text.contains('\n')
+    {
+        *text = text.replace('\r', "\n");
+    }
+    texts
+}
+
+fn utf8(blocks: Vec<Vec<u8>>, notes: &mut Notes) -> Vec<String> {
+    let texts: Vec<_> = blocks.into_par_iter().map(String::from_utf8).collect();
+    if texts.iter().all(Result::is_ok) {
+        return texts.into_iter().flatten().collect();
+    }
+    notes.add(String::new, "text that is not UTF-8 is read as Latin-1");
+    let bytes = texts.into_iter().map(|text| text.map_or_else(FromUtf8Error::into_bytes, String::into_bytes));
+    bytes.map(|bytes| bytes.into_iter().map(char::from).collect()).collect()
 }
 
 fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {

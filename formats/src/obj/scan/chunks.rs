@@ -2,19 +2,21 @@
 
 use std::io::{BufRead, Read, Result};
 
-/// Reads one piece after the other.
-pub(super) struct Chunks<'a> {
-    rest: std::vec::IntoIter<&'a [u8]>,
-    current: &'a [u8],
+use bytes::{Buf, Bytes};
+
+/// Reads one piece after the other, and lets go of each once it is read.
+pub(super) struct Chunks<I> {
+    rest: I,
+    current: Bytes,
 }
 
-impl<'a> Chunks<'a> {
-    pub(super) fn new(chunks: Vec<&'a [u8]>) -> Self {
-        Chunks { rest: chunks.into_iter(), current: &[] }
+impl<I: Iterator<Item = Bytes>> Chunks<I> {
+    pub(super) fn new(chunks: I) -> Self {
+        Chunks { rest: chunks, current: Bytes::new() }
     }
 }
 
-impl Read for Chunks<'_> {
+impl<I: Iterator<Item = Bytes>> Read for Chunks<I> {
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         let available = self.fill_buf()?;
         let length = available.len().min(out.len());
@@ -24,7 +26,7 @@ impl Read for Chunks<'_> {
     }
 }
 
-impl BufRead for Chunks<'_> {
+impl<I: Iterator<Item = Bytes>> BufRead for Chunks<I> {
     fn fill_buf(&mut self) -> Result<&[u8]> {
         while self.current.is_empty() {
             match self.rest.next() {
@@ -32,10 +34,10 @@ impl BufRead for Chunks<'_> {
                 None => break,
             }
         }
-        Ok(self.current)
+        Ok(&self.current)
     }
 
     fn consume(&mut self, amount: usize) {
-        self.current = &self.current[amount..];
+        self.current.advance(amount);
     }
 }

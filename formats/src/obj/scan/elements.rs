@@ -1,131 +1,34 @@
 //! `v`, `vt` and `vn` statements, normalised for `tobj`.
 
+use std::borrow::Cow;
+
 use super::super::notes::Notes;
-use super::super::text::{place, words};
+use super::super::text::{Line, words};
+use super::pieces::{Piece, push};
 use super::{needs_repair, repaired};
 
-/// The normalised statements and how many of each kind there are.
-#[derive(Debug, Default)]
-pub(super) struct Elements {
-    /// One `v` line each, with colours if `colored`.
-    positions: String,
-    others: String,
-    counts: [i64; 3],
-    colored: bool,
+/// How many elements of each kind there are, and what their colours are.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
+    /// Number of positions, texture coordinates and normals.
+    pub(super) counts: [i64; 3],
+    /// Whether a position has a colour.
+    pub(super) colored: bool,
     /// The largest finite colour component.
     brightest: f32,
     /// Whether a colour component is no whole number.
     fractional: bool,
 }
 
-/// Stands for a colour that is missing.
-const NO_COLOR: &str = " nan nan nan";
-
-impl Elements {
-    /// Number of positions, texture coordinates and normals so far.
-    pub(super) fn counts(&self) -> [i64; 3] {
-        self.counts
-    }
-
-    /// The normalised lines.
-    pub(super) fn text(&self) -> &[u8] {
-        self.positions.as_bytes()
-    }
-
-    /// Adds a statement. Colours and weights are parsed here, coordinates by `tobj`.
-    pub(super) fn add(&mut self, key: &str, rest: &str, line: usize, notes: &mut Notes) -> Result<(), String> {
-        let mended;
-        let rest = if needs_repair(rest) {
-            mended = repaired(rest);
-            &mended
-        } else {
-            rest
-        };
-        match key {
-            "v" => self.position(rest, line, notes),
-            "vt" => self.texcoord(rest),
-            _ => self.normal(rest),
+impl Tally {
+    /// Takes in the elements of another stretch of text.
+    pub(super) fn add(&mut self, other: &Tally) {
+        for (count, more) in self.counts.iter_mut().zip(other.counts) {
+            *count += more;
         }
-    }
-
-    /// `x y z`, `x y z w` (divided by the weight, as `tobj` and most readers have it) or `x y z r g b`.
-    fn position(&mut self, rest: &str, line: usize, notes: &mut Notes) -> Result<(), String> {
-        let count = rest.split_whitespace().count();
-        self.counts[0] += 1;
-        self.positions.push_str("v ");
-        match count {
-            0..=2 => return Err(format!("a vertex has three coordinates, this one {count}")),
-            3 => self.positions.push_str(rest),
-            4 => self.positions.push_str(&weighted(rest)?),
-            _ => self.positions.push_str(&first_words(rest, 3)),
-        }
-        if count >= 6 {
-            self.color(rest)?;
-        } else if self.colored {
-            self.positions.push_str(NO_COLOR);
-        }
-        self.positions.push('\n');
-        if count == 5 || count > 6 {
-            notes.add(|| place(line), "vertices with extra numbers: only coordinates and colour are read");
-        }
-        Ok(())
-    }
-
-    /// Appends a colour to the position begun, which is the first to have one or not.
-    fn color(&mut self, rest: &str) -> Result<(), String> {
-        if !self.colored {
-            self.colored = true;
-            let begun = self.positions.rfind('\n').map_or(0, |end| end + 1);
-            let line = self.positions.split_off(begun);
-            self.positions = self.positions.replace('\n', &format!("{NO_COLOR}\n"));
-            self.positions.push_str(&line);
-        }
-        for word in rest.split_whitespace().skip(3).take(3) {
-            let value = number(word)?;
-            if value.is_finite() {
-                self.brightest = self.brightest.max(value);
-                self.fractional |= value.fract() != 0.0;
-            }
-            self.positions.push(' ');
-            self.positions.push_str(word);
-        }
-        Ok(())
-    }
-
-    fn texcoord(&mut self, rest: &str) -> Result<(), String> {
-        self.counts[1] += 1;
-        self.others.push_str("vt ");
-        self.others.push_str(rest);
-        match rest.split_whitespace().count() {
-            0 => return Err("a texture coordinate has at least one number, this one none".to_owned()),
-            1 => self.others.push_str(" 0"),
-            _ => {}
-        }
-        self.others.push('\n');
-        Ok(())
-    }
-
-    fn normal(&mut self, rest: &str) -> Result<(), String> {
-        self.counts[2] += 1;
-        let count = rest.split_whitespace().count();
-        if count < 3 {
-            return Err(format!("a normal has three coordinates, this one {count}"));
-        }
-        self.others.push_str("vn ");
-        self.others.push_str(rest);
-        self.others.push('\n');
-        Ok(())
-    }
-
-    /// Appends what stands for missing texture coordinates and normals.
-    pub(super) fn finish(&mut self, texcoords: bool, normals: bool) {
-        if texcoords {
-            self.others.push_str("vt nan nan\n");
-        }
-        if normals {
-            self.others.push_str("vn nan nan nan\n");
-        }
-        self.positions.push_str(&std::mem::take(&mut self.others));
+        self.colored |= other.colored;
+        self.brightest = self.brightest.max(other.brightest);
+        self.fractional |= other.fractional;
     }
 
     /// What colours are to be divided by: whole numbers up to 255 are taken for bytes.
@@ -141,6 +44,116 @@ impl Elements {
     }
 }
 
+/// The statements of a block for `tobj`.
+#[derive(Debug, Default)]
+pub(super) struct Elements {
+    pub(super) tally: Tally,
+    pub(super) pieces: Vec<Piece>,
+    /// Whether every position is to have a colour.
+    pub(super) color_all: bool,
+}
+
+/// Stands for a colour that is missing.
+const NO_COLOR: &str = " nan nan nan";
+
+/// What was not read of a statement, to be noted.
+type Unread = Option<&'static str>;
+
+impl Elements {
+    /// Adds a statement; what must not reach `tobj` as it is goes to `mended`. Colours and weights are parsed here,
+    /// coordinates by `tobj`.
+    pub(super) fn add(&mut self, line: &Line<'_>, mended: &mut String) -> Result<Unread, String> {
+        let (key, rest) = line.text();
+        let repaired = needs_repair(rest).then(|| repaired(rest));
+        let verbatim = line.is_verbatim() && repaired.is_none();
+        let rest = repaired.as_deref().unwrap_or(rest);
+        let start = mended.len();
+        let mut unread = None;
+        let plain = match key {
+            "v" => self.position(rest, verbatim, mended, &mut unread)?,
+            "vt" => self.texcoord(rest, verbatim, mended)?,
+            _ => self.normal(rest, verbatim, mended)?,
+        };
+        push(
+            &mut self.pieces,
+            if plain { Piece::text(line.range.clone()) } else { Piece::mended(start..mended.len()) },
+        );
+        Ok(unread)
+    }
+
+    /// `x y z`, `x y z w` (divided by the weight, as `tobj` and most readers have it) or `x y z r g b`. Gives whether
+    /// `tobj` may read it as it is.
+    fn position(&mut self, rest: &str, verbatim: bool, out: &mut String, unread: &mut Unread) -> Result<bool, String> {
+        let count = word_count(rest);
+        self.tally.counts[0] += 1;
+        let coordinates = match count {
+            0..=2 => return Err(format!("a vertex has three coordinates, this one {count}")),
+            3 => Cow::Borrowed(rest),
+            4 => Cow::Owned(weighted(rest)?),
+            _ => Cow::Owned(first_words(rest, 3)),
+        };
+        if count >= 6 {
+            self.color(rest)?;
+        }
+        if verbatim && (count == 6 || count == 3 && !self.color_all) {
+            return Ok(true);
+        }
+        out.extend(["v ", &coordinates]);
+        if count >= 6 {
+            rest.split_whitespace().skip(3).take(3).for_each(|word| out.extend([" ", word]));
+        } else if self.color_all {
+            out.push_str(NO_COLOR);
+        }
+        out.push('\n');
+        if count == 5 || count > 6 {
+            *unread = Some("vertices with extra numbers: only coordinates and colour are read");
+        }
+        Ok(false)
+    }
+
+    fn color(&mut self, rest: &str) -> Result<(), String> {
+        self.tally.colored = true;
+        for word in rest.split_whitespace().skip(3).take(3) {
+            let value = number(word)?;
+            if value.is_finite() {
+                self.tally.brightest = self.tally.brightest.max(value);
+                self.tally.fractional |= value.fract() != 0.0;
+            }
+        }
+        Ok(())
+    }
+
+    fn texcoord(&mut self, rest: &str, verbatim: bool, out: &mut String) -> Result<bool, String> {
+        self.tally.counts[1] += 1;
+        let one = match word_count(rest) {
+            0 => return Err("a texture coordinate has at least one number, this one none".to_owned()),
+            count => count == 1,
+        };
+        if verbatim && !one {
+            return Ok(true);
+        }
+        out.extend(["vt ", rest, if one { " 0\n" } else { "\n" }]);
+        Ok(false)
+    }
+
+    fn normal(&mut self, rest: &str, verbatim: bool, out: &mut String) -> Result<bool, String> {
+        self.tally.counts[2] += 1;
+        let count = word_count(rest);
+        if count < 3 {
+            return Err(format!("a normal has three coordinates, this one {count}"));
+        }
+        if !verbatim {
+            out.extend(["vn ", rest, "\n"]);
+        }
+        Ok(verbatim)
+    }
+}
+
+/// What stands for missing texture coordinates and normals; it comes after all others.
+pub(super) fn missing(texcoords: bool, normals: bool) -> impl Iterator<Item = &'static str> {
+    [texcoords.then_some("vt nan nan\n"), normals.then_some("vn nan nan nan\n")].into_iter().flatten()
+}
+
 /// Whether the coordinates of a statement are numbers; other statements pass.
 pub(super) fn check(key: &str, rest: &str) -> Result<(), String> {
     let count = match key {
@@ -150,6 +163,15 @@ pub(super) fn check(key: &str, rest: &str) -> Result<(), String> {
     };
     let mended = repaired(rest);
     mended.split_whitespace().take(count).try_for_each(|word| number(word).map(drop))
+}
+
+fn word_count(rest: &str) -> usize {
+    if !rest.is_ascii() {
+        return rest.split_whitespace().count();
+    }
+    let blanks = rest.bytes().map(|byte| matches!(byte, b'\t'..=b'\r' | b' '));
+    let starts = blanks.clone().zip(std::iter::once(true).chain(blanks));
+    starts.filter(|&(blank, before)| before && !blank).count()
 }
 
 fn first_words(rest: &str, count: usize) -> String {

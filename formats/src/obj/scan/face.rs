@@ -1,44 +1,46 @@
 //! `f` statements: corner indices checked, made absolute, missing ones made explicit.
 
-use std::fmt::Write;
-
 use super::super::text::words;
-use super::Fault;
+use super::block::Context;
 use super::elements::shown;
 
 /// What the indices of a corner are called, in order.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
+/// For each kind the largest index with which a face refers to an element, and the first line that does.
+pub(super) type Largest = [(i64, usize); 3];
+
 /// Reads faces one at a time.
 pub(super) struct Faces {
-    /// Whether the text may hold texture coordinates (it has a `vt` somewhere).
-    pub(super) has_texcoords: bool,
-    /// Whether the text may hold normals.
-    pub(super) has_normals: bool,
+    has_texcoords: bool,
+    has_normals: bool,
     /// Indices of the last face's corners from 1; 0 is missing.
     corners: Vec<[i64; 3]>,
     /// Whether the words of the last face say just what `corners` says.
     plain: bool,
-    /// For each kind the largest index that lay ahead of the elements read so far, and its line.
-    ahead: [(i64, usize); 3],
+    /// Whether a face counts back from the last element read.
+    pub(super) counts_back: bool,
+    pub(super) largest: Largest,
 }
 
 impl Faces {
-    /// A reader for the faces of this text.
-    pub(super) fn of(text: &str) -> Self {
-        let (has_texcoords, has_normals) = (text.contains("vt"), text.contains("vn"));
-        Faces { has_texcoords, has_normals, corners: Vec::new(), plain: true, ahead: [(0, 0); 3] }
+    pub(super) fn new(context: &Context) -> Self {
+        let Context { has_texcoords, has_normals, .. } = *context;
+        Faces { has_texcoords, has_normals, corners: Vec::new(), plain: true, counts_back: false, largest: [(0, 0); 3] }
     }
 
-    /// Reads the corners of a face; gives their number.
-    pub(super) fn read(&mut self, rest: &str, line: usize, counts: [i64; 3]) -> Result<usize, String> {
+    /// Reads the corners of a face; gives their number. `counts` are those of the elements before it, if known.
+    pub(super) fn read(&mut self, rest: &str, line: usize, counts: Option<[i64; 3]>) -> Result<usize, String> {
         self.corners.clear();
         self.plain = !rest.contains('#');
         for word in words(rest) {
-            let corner = self.corner(word, counts)?;
+            let corner = match positive_corner(word) {
+                Some(corner) => corner,
+                None => self.corner(word, counts)?,
+            };
             for (kind, &index) in corner.iter().enumerate() {
-                if index > counts[kind].max(self.ahead[kind].0) {
-                    self.ahead[kind] = (index, line);
+                if index > self.largest[kind].0 {
+                    self.largest[kind] = (index, line);
                 }
             }
             self.plain &= (corner[1] != 0 || !self.has_texcoords) && (corner[2] != 0 || !self.has_normals);
@@ -48,7 +50,7 @@ impl Faces {
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last element read.
-    fn corner(&mut self, word: &str, counts: [i64; 3]) -> Result<[i64; 3], String> {
+    fn corner(&mut self, word: &str, counts: Option<[i64; 3]>) -> Result<[i64; 3], String> {
         let malformed = || format!("face corner `{}` is not of the form v, v/vt, v//vn or v/vt/vn", shown(word));
         let mut corner = [0; 3];
         for (kind, index) in word.split('/').enumerate() {
@@ -62,18 +64,26 @@ impl Faces {
             corner[kind] = match index {
                 0 => return Err(format!("a face refers to {} 0; indices start at 1", KINDS[kind])),
                 1.. => index,
-                _ => self.counted_back(kind, index, counts[kind])?,
+                _ => self.counted_back(kind, index, counts)?,
             };
         }
         Ok(corner)
     }
 
-    fn counted_back(&mut self, kind: usize, index: i64, count: i64) -> Result<i64, String> {
+    /// Any element where it is not known how many there are.
+    fn counted_back(&mut self, kind: usize, index: i64, counts: Option<[i64; 3]>) -> Result<i64, String> {
         self.plain = false;
-        match count.checked_add(index) {
+        self.counts_back = true;
+        let Some(counts) = counts else { return Ok(1) };
+        match counts[kind].checked_add(index) {
             Some(before) if before >= 0 => Ok(before + 1),
-            _ => Err(format!("a face refers to {} {index}, with {count} before it", KINDS[kind])),
+            _ => Err(format!("a face refers to {} {index}, with {} before it", KINDS[kind], counts[kind])),
         }
+    }
+
+    /// Whether `tobj` reads the last face as it is.
+    pub(super) fn is_plain(&self) -> bool {
+        self.plain
     }
 
     /// Writes the last face read, whose words were `rest`.
@@ -84,20 +94,51 @@ impl Faces {
         } else {
             for &[v, vt, vn] in &self.corners {
                 // -1 is the element that stands for a missing one: it comes last.
-                let or_missing = |index: i64| if index == 0 { -1 } else { index };
-                let _ = write!(out, "{v}/{}/{} ", or_missing(vt), or_missing(vn));
+                for (index, end) in [(v, '/'), (vt, '/'), (vn, ' ')] {
+                    if index == 0 {
+                        out.push_str("-1")
+                    } else {
+                        write_positive(index, out)
+                    }
+                    out.push(end);
+                }
             }
         }
         out.push('\n');
     }
+}
 
-    /// Whether all faces refer to elements there are.
-    pub(super) fn check_range(&self, counts: [i64; 3]) -> Result<(), Fault> {
-        let beyond = (0..3).find(|&kind| self.ahead[kind].0 > counts[kind]);
-        beyond.map_or(Ok(()), |kind| {
-            let (index, line) = self.ahead[kind];
-            let cause = format!("a face refers to {} {index}, the file has {}", KINDS[kind], counts[kind]);
-            Err(Fault { line, cause })
-        })
+/// A corner of positive indices, as most are; `None` leaves it to [`Faces::corner`].
+fn positive_corner(word: &str) -> Option<[i64; 3]> {
+    let mut corner = [0; 3];
+    let (mut kind, mut digits) = (0, 0);
+    for byte in word.bytes() {
+        match byte {
+            b'0'..=b'9' if digits < 18 => {
+                corner[kind] = 10 * corner[kind] + i64::from(byte - b'0');
+                digits += 1;
+            }
+            b'/' if kind < 2 && (corner[kind] > 0 || kind > 0 && digits == 0) => (kind, digits) = (kind + 1, 0),
+            _ => return None,
+        }
     }
+    (corner[kind] > 0 || kind > 0 && digits == 0).then_some(corner)
+}
+
+fn write_positive(index: i64, out: &mut String) {
+    let mut digits = [0; 20];
+    let (mut start, mut rest) = (digits.len(), index);
+    while rest > 0 {
+        start -= 1;
+        digits[start] = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
+    out.extend(digits[start..].iter().map(|&digit| char::from(digit)));
+}
+
+/// What is wrong with the line whose faces refer to elements beyond the last.
+pub(super) fn beyond(largest: &Largest, counts: [i64; 3]) -> Option<(usize, String)> {
+    let kind = (0..3).find(|&kind| largest[kind].0 > counts[kind])?;
+    let (index, line) = largest[kind];
+    Some((line, format!("a face refers to {} {index}, the file has {}", KINDS[kind], counts[kind])))
 }
