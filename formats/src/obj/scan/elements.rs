@@ -169,9 +169,13 @@ fn word_count(rest: &str) -> usize {
     if !rest.is_ascii() {
         return rest.split_whitespace().count();
     }
-    let blanks = rest.bytes().map(|byte| matches!(byte, b'\t'..=b'\r' | b' '));
-    let starts = blanks.clone().zip(std::iter::once(true).chain(blanks));
-    starts.filter(|&(blank, before)| before && !blank).count()
+    let (mut count, mut blank) = (0, true);
+    for byte in rest.bytes() {
+        let next = matches!(byte, b'\t'..=b'\r' | b' ');
+        count += usize::from(blank && !next);
+        blank = next;
+    }
+    count
 }
 
 fn first_words(rest: &str, count: usize) -> String {

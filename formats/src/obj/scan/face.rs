@@ -31,22 +31,36 @@ impl Faces {
 
     /// Reads the corners of a face; gives their number. `counts` are those of the elements before it, if known.
     pub(super) fn read(&mut self, rest: &str, line: usize, counts: Option<[i64; 3]>) -> Result<usize, String> {
-        self.corners.clear();
-        self.plain = !rest.contains('#');
-        for word in words(rest) {
-            let corner = match positive_corner(word) {
-                Some(corner) => corner,
-                None => self.corner(word, counts)?,
-            };
+        self.plain = self.read_positive(rest) || !rest.contains('#');
+        if self.corners.is_empty() {
+            for word in words(rest) {
+                let corner = self.corner(word, counts)?;
+                self.corners.push(corner);
+            }
+        }
+        for corner in &self.corners {
             for (kind, &index) in corner.iter().enumerate() {
                 if index > self.largest[kind].0 {
                     self.largest[kind] = (index, line);
                 }
             }
             self.plain &= (corner[1] != 0 || !self.has_texcoords) && (corner[2] != 0 || !self.has_normals);
-            self.corners.push(corner);
         }
         Ok(self.corners.len())
+    }
+
+    /// Reads a face of positive indices in plain ASCII, as most are. Of any other it reads no corner.
+    fn read_positive(&mut self, rest: &str) -> bool {
+        self.corners.clear();
+        let blank = |byte: &u8| matches!(byte, b'\t'..=b'\r' | b' ');
+        for word in rest.as_bytes().split(blank).filter(|word| !word.is_empty()) {
+            let Some(corner) = positive_corner(word) else {
+                self.corners.clear();
+                return false;
+            };
+            self.corners.push(corner);
+        }
+        true
     }
 
     /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last element read.
@@ -108,11 +122,11 @@ impl Faces {
     }
 }
 
-/// A corner of positive indices, as most are; `None` leaves it to [`Faces::corner`].
-fn positive_corner(word: &str) -> Option<[i64; 3]> {
+/// A corner of positive indices; `None` leaves it to [`Faces::corner`].
+fn positive_corner(word: &[u8]) -> Option<[i64; 3]> {
     let mut corner = [0; 3];
     let (mut kind, mut digits) = (0, 0);
-    for byte in word.bytes() {
+    for &byte in word {
         match byte {
             b'0'..=b'9' if digits < 18 => {
                 corner[kind] = 10 * corner[kind] + i64::from(byte - b'0');
