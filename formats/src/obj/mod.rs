@@ -8,7 +8,7 @@
 //! appearance. `o` starts an object and ends the group before it; `g` names a group within the object. A name is the
 //! rest of its line. Groups of one name within one object are one group, also when other groups lie between.
 //!
-//! `tobj` parses a normalised copy of the text, see [`scan`]: by itself it merges groups and objects, forgets the
+//! `tobj` parses the text in a normalised form, see [`scan`]: by itself it merges groups and objects, forgets the
 //! names of undefined materials, invents missing texture coordinates and normals, takes lines for faces, shifts
 //! vertex colours where some vertices have none, and stops at a Latin-1 byte.
 
@@ -75,8 +75,8 @@ fn blocks(path: &Path, notes: &mut Notes) -> std::io::Result<Vec<String>> {
     Ok(blocks)
 }
 
-/// The first malformed coordinate of a file that `tobj` could not parse. The file is read once more: its text went as it
-/// was parsed.
+/// The first malformed coordinate of a file that `tobj` could not parse. The file is read once more: parsing let go of its
+/// text.
 fn first_malformed(path: &Path) -> Option<Fault> {
     scan::first_malformed(&blocks(path, &mut Notes::default()).ok()?)
 }
