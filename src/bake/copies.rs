@@ -58,13 +58,23 @@ pub(super) fn share(
 ) -> (Metrics, Option<Pass>) {
     let start = Instant::now();
     let Some(likeness) = options.copies.likeness(options.choose.method) else { return (before.clone(), None) };
-    let limits = copies::Options { likeness, max_position_error_ratio: options.verify.max_position_error_ratio };
-    let found = copies::find(doc, scene, &limits);
-    let (metrics, applied, reason) = match found.list.as_slice() {
-        [] => (before.clone(), false, "no two meshes are alike".to_owned()),
+    let max_position_error_ratio = options.verify.max_position_error_ratio;
+    let least_saved_bytes = if options.copies == FindCopies::ByMethod { least_saved_bytes(before) } else { 0 };
+    let found = copies::find(doc, scene, &copies::Options { likeness, max_position_error_ratio, least_saved_bytes });
+    let (metrics, applied, reason) = match (found.list.as_slice(), found.most_saved_bytes) {
+        ([], Some(0) | None) => (before.clone(), false, "no two meshes are alike".to_owned()),
+        ([], Some(most)) => {
+            let reason = format!("sharing copies, if there are any, would save {} at most", bytes(most));
+            (before.clone(), false, reason)
+        }
         _ => apply(doc, scene, trees, before, &found, options),
     };
     (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
+}
+
+/// Predicted bytes of acceleration structures that `auto` must save to share at all.
+fn least_saved_bytes(before: &Metrics) -> u64 {
+    LEAST_SAVED_BYTES.max((LEAST_SAVED_RATIO * before.as_bytes() as f64).ceil() as u64)
 }
 
 fn apply(
@@ -91,8 +101,7 @@ fn apply(
     }
     let as_bytes = [before, &metrics].map(Metrics::as_bytes);
     let saved = as_bytes[0].saturating_sub(as_bytes[1]);
-    let is_worth_it = saved >= LEAST_SAVED_BYTES && saved as f64 >= LEAST_SAVED_RATIO * as_bytes[0] as f64;
-    if options.copies == FindCopies::ByMethod && !is_worth_it {
+    if options.copies == FindCopies::ByMethod && saved < least_saved_bytes(before) {
         copies::undo(scene);
         return (before.clone(), false, format!("{words}, but sharing them saves only {}", bytes(saved)));
     }

@@ -195,31 +195,31 @@ impl Tried {
         options: &BakeOptions,
         clock: &mut Clock,
     ) -> Result<(Chosen, Tried), BakeError> {
-        let tried = Tried::new(&mut given, &chosen.layout, output, machine, options, clock)?;
+        let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
         if tried.verdict != Verdict::NotFaster || !chosen.measured || emit::is_unchanged(&chosen.layout) {
             return Ok((chosen, tried));
         }
         let chosen = chosen.left_alone(given.scene);
         drop(tried);
-        let tried = Tried::new(&mut given, &chosen.layout, output, machine, options, clock)?;
+        let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
         Ok((chosen, tried))
     }
 
     /// Writes a layout and holds it against the input as it was read, without meshes that stand in for copies.
     fn new(
         Given { doc, scene, trees }: &mut Given,
-        layout: &Layout,
+        chosen: &Chosen,
         output: &Path,
         machine: &Machine,
         options: &BakeOptions,
         clock: &mut Clock,
     ) -> Result<Tried, BakeError> {
         clock.enter(Stage::Write);
-        let written = write(doc, scene, layout, output, &options.emit())?;
+        let written = write(doc, scene, &chosen.layout, output, &options.emit())?;
         crate::copies::undo(scene);
         clock.enter(Stage::Verify);
         let after = read_back(&written, output)?;
-        let after_trees = trees.build_for(scene, &after);
+        let after_trees = trees.build_for(scene, &after, &chosen.trees_of_written());
         let verification = machine.verify_with([scene, &after], [trees, &after_trees], &options.verify)?;
         let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
         Ok(Tried { written, after, trees: after_trees, verification, verdict })

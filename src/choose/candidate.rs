@@ -8,7 +8,7 @@ use super::passes::pass;
 use super::plans::Plan;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit;
-use crate::layout::{self, Cache, Content, Layout};
+use crate::layout::{self, Cache, Content, Layout, PlacedTrees};
 use crate::report::{self, Pass};
 use crate::scene::{Bounds, Pinned, Scene};
 use crate::verify::Lap;
@@ -62,26 +62,28 @@ impl Laid {
     }
 }
 
-/// What is known of the scene as it is.
-pub(super) struct AsIs<'a> {
+/// What is known of the scene before a candidate is looked at.
+pub(super) struct Known<'a> {
     /// Trees of its meshes.
     pub(super) trees: &'a MeshTrees,
-    /// Two-level cost, as it is built.
+    /// Trees over its triangles, placed.
+    pub(super) placed: &'a PlacedTrees,
+    /// Two-level cost as it is, and as it is built.
     pub(super) cost: f64,
-    /// Predicted picoseconds a ray, with one BLAS a mesh.
+    /// Predicted picoseconds a ray as it is, with one BLAS a mesh.
     pub(super) picoseconds: f64,
 }
 
 impl Candidate {
     /// Predicts what a layout costs as it is built.
-    pub(super) fn new(scene: &Scene, as_is: &AsIs, plan: Plan, laid: Laid, ranking: &Ranking) -> Candidate {
+    pub(super) fn new(scene: &Scene, known: &Known, plan: Plan, laid: Laid, ranking: &Ranking) -> Candidate {
         let built = as_built(scene, &laid.layout, ranking.blas_per);
         let (predicted_cost, sampled_cost) = match (&built, emit::is_unchanged(&laid.layout)) {
-            (Cow::Borrowed(_), true) => (as_is.cost, as_is.picoseconds),
+            (Cow::Borrowed(_), true) => (known.cost, known.picoseconds),
             (built, unchanged) => {
-                let known = as_is.trees.of_layout(built);
-                let trees = TwoLevel::build_with(&layout::stored(scene, built), &known);
-                let cost = if unchanged { as_is.cost } else { trees.cost(scene.bounds().area()) };
+                let of_groups = known.trees.of_layout(scene, built, known.placed);
+                let trees = TwoLevel::build_with(&layout::stored(scene, built), &of_groups);
+                let cost = if unchanged { known.cost } else { trees.cost(scene.bounds().area()) };
                 (cost, ranking.picoseconds(&trees))
             }
         };

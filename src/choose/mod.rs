@@ -15,20 +15,22 @@ pub(crate) mod segments;
 
 pub(crate) use candidate::as_built;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
 
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
-use crate::layout::{self, Cache, Layout, Method};
+use crate::cost::tree::Tree;
+use crate::layout::{self, Cache, Content, Layout, Method, PlacedTrees};
 use crate::report::{MethodReport, Pass};
 use crate::scene::Scene;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Machine, VerifyOptions};
-use candidate::{AsIs, Candidate};
+use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
 use plans::{Effort, Plan};
@@ -72,6 +74,8 @@ const AUTO_MAX_BYTES_RATIO: f64 = 1.25;
 pub struct Chosen {
     /// The layout, ready to be written.
     pub layout: Layout,
+    /// Trees of its groups, as [`layout::order_for_good`] gives them; none for the input as it is.
+    pub trees: Vec<Option<Arc<Tree>>>,
     /// How it was chosen.
     pub report: MethodReport,
     /// What was done and left out.
@@ -81,6 +85,13 @@ pub struct Chosen {
 }
 
 impl Chosen {
+    /// The trees of the groups that are meshes of their own in what is written, in their order.
+    pub fn trees_of_written(&self) -> Vec<Option<Arc<Tree>>> {
+        let is_new = |group: &layout::Group| !matches!(group.content, Content::Kept(_));
+        let of_groups = self.layout.groups.iter().zip(&self.trees);
+        of_groups.filter(|(group, _)| is_new(group)).map(|(_, tree)| tree.clone()).collect()
+    }
+
     /// The input as it is instead, for a candidate that was not faster when it was measured again.
     pub fn left_alone(self, scene: &Scene) -> Chosen {
         let layout = layout::run(Method::Keep, scene, &layout::Options::default());
@@ -91,7 +102,7 @@ impl Chosen {
             (pass.applied, pass.reason) = (false, "the input is left alone".to_owned());
         });
         let report = MethodReport { chosen: keep, chosen_candidate: keep.to_owned(), reason, ..self.report };
-        Chosen { layout, report, passes, ..self }
+        Chosen { layout, trees: Vec::new(), report, passes, ..self }
     }
 }
 
@@ -114,7 +125,8 @@ pub fn choose(
 
 fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify: &VerifyOptions) -> Chosen {
     let plan = Plan { name: method.name().to_owned(), method, options: told(&options.layout, verify) };
-    let laid = lay_out(&mut Cache::default(), scene, &plan, verify.max_position_error_ratio);
+    let mut cache = Cache::serving([&plan.options]);
+    let laid = lay_out(&mut cache, scene, &plan, verify.max_position_error_ratio);
     let report = MethodReport {
         requested: options.method.name(),
         chosen: method.name(),
@@ -122,7 +134,7 @@ fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify:
         reason: "asked for".to_owned(),
         candidates: Vec::new(),
     };
-    finish(scene, laid, report, Vec::new(), false)
+    finish(scene, laid, &cache.into_trees(), report, Vec::new(), false)
 }
 
 /// What the methods are told, and how the consumer builds what they lay out.
@@ -143,7 +155,7 @@ fn best(
     let max_bytes_ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
     let told = layout::Options { max_bytes_ratio: Some(max_bytes_ratio), ..told(&options.layout, verify) };
     let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
-    let mut candidates = evaluate(scene, trees, before, &plans, options, verify);
+    let (mut candidates, placed) = evaluate(scene, trees, before, &plans, options, verify);
     let start = Instant::now();
     let mut raced = race(scene, machine, &mut candidates, options.effort, verify);
     for round in 0..refine::rounds(options.effort) {
@@ -152,7 +164,7 @@ fn best(
         if plans.is_empty() {
             break;
         }
-        let mut near = evaluate(scene, trees, before, &plans, options, verify);
+        let (mut near, _) = evaluate(scene, trees, before, &plans, options, verify);
         near.retain(|new| !candidates.iter().any(|known| known.laid.is_same(&new.laid)));
         *count += race(scene, machine, &mut near, options.effort, verify).unwrap_or(0);
         candidates.extend(near);
@@ -174,10 +186,11 @@ fn best(
         candidates: reports,
     };
     scene.instances.iter_mut().zip(&winner.laid.pins).for_each(|(instance, pin)| instance.pinned = *pin);
-    finish(scene, winner.laid, report, passes, measured)
+    finish(scene, winner.laid, &placed, report, passes, measured)
 }
 
-/// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs.
+/// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs. Gives also
+/// the trees that laying out built.
 fn evaluate(
     scene: &mut Scene,
     trees: &MeshTrees,
@@ -185,19 +198,20 @@ fn evaluate(
     plans: &[Plan],
     options: &ChooseOptions,
     verify: &VerifyOptions,
-) -> Vec<Candidate> {
+) -> (Vec<Candidate>, PlacedTrees) {
     let of_input = TwoLevel::build_with(scene, trees);
     let rays = rays::generate(scene, &Reference::new(&of_input), options.effort.rays(), verify.seed);
     let blas_per = verify.build.blas_per;
     let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
     let plans = segments::given(plans, &of_input, &rays, &verify.weights);
-    let as_is = AsIs { trees, cost: before.two_level_cost, picoseconds: ranking.picoseconds(&of_input) };
+    let picoseconds = ranking.picoseconds(&of_input);
     drop(of_input);
-    let laid = lay_out_all(scene, &plans, verify.max_position_error_ratio);
+    let (laid, placed) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
+    let known = Known { trees, placed: &placed, cost: before.two_level_cost, picoseconds };
     let scene = &*scene;
     let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
         let start = Instant::now();
-        let candidate = Candidate::new(scene, &as_is, plan.clone(), laid, &ranking);
+        let candidate = Candidate::new(scene, &known, plan.clone(), laid, &ranking);
         Candidate { seconds: seconds + start.elapsed().as_secs_f64(), ..candidate }
     };
     let mut candidates = Vec::with_capacity(laid.len());
@@ -205,16 +219,20 @@ fn evaluate(
     loop {
         let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE).collect();
         if some.is_empty() {
-            return candidates;
+            return (candidates, placed);
         }
         candidates.par_extend(some.into_par_iter().map(rank));
     }
 }
 
-/// The layouts of plans that differ, with the seconds each took.
-fn lay_out_all<'p>(scene: &mut Scene, plans: &'p [Plan], max_error_ratio: f64) -> Vec<(&'p Plan, Laid, f64)> {
+/// The layouts of plans that differ, with the seconds each took, and the trees that were built for them.
+fn lay_out_all<'p>(
+    scene: &mut Scene,
+    plans: &'p [Plan],
+    max_error_ratio: f64,
+) -> (Vec<(&'p Plan, Laid, f64)>, PlacedTrees) {
     let mut laid: Vec<(&Plan, Laid, f64)> = Vec::new();
-    let mut cache = Cache::default();
+    let mut cache = Cache::serving(plans.iter().map(|plan| &plan.options));
     for plan in plans {
         let start = Instant::now();
         let this = lay_out(&mut cache, scene, plan, max_error_ratio);
@@ -222,7 +240,7 @@ fn lay_out_all<'p>(scene: &mut Scene, plans: &'p [Plan], max_error_ratio: f64) -
             laid.push((plan, this, start.elapsed().as_secs_f64()));
         }
     }
-    laid
+    (laid, cache.into_trees())
 }
 
 /// Candidates ranked side by side: each takes memory for its trees.
@@ -256,9 +274,17 @@ fn race(
 }
 
 /// Puts the triangles of what is written in tree order.
-fn finish(scene: &Scene, laid: Laid, report: MethodReport, mut passes: Vec<Pass>, measured: bool) -> Chosen {
+fn finish(
+    scene: &Scene,
+    laid: Laid,
+    placed: &PlacedTrees,
+    report: MethodReport,
+    mut passes: Vec<Pass>,
+    measured: bool,
+) -> Chosen {
     let Laid { mut layout, passes: of_layout, .. } = laid;
     passes.extend(of_layout);
-    passes.push(passes::order(scene, &mut layout));
-    Chosen { layout, report, passes, measured }
+    let (pass, trees) = passes::order(scene, &mut layout, placed);
+    passes.push(pass);
+    Chosen { layout, trees, report, passes, measured }
 }

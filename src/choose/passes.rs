@@ -1,11 +1,13 @@
 //! What is done and what is left out, with the reasons.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::plans::Plan;
 use crate::cost::Metrics;
+use crate::cost::tree::Tree;
 use crate::emit;
-use crate::layout::{self, Instances, Layout, Method};
+use crate::layout::{self, Instances, Layout, Method, PlacedTrees};
 use crate::report::Pass;
 use crate::scene::{Opacity, Scene};
 
@@ -102,15 +104,13 @@ pub(super) fn measuring(raced: &Result<usize, String>, seconds: f64) -> Pass {
     Pass { name: "measure candidates", applied, reason, seconds }
 }
 
-/// Puts the triangles of rewritten groups in tree order.
-pub(super) fn order(scene: &Scene, layout: &mut Layout) -> Pass {
+/// Puts the triangles of rewritten groups in tree order; gives their trees, as [`layout::order_for_good`] does.
+pub(super) fn order(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -> (Pass, Vec<Option<Arc<Tree>>>) {
     let start = Instant::now();
     let regrouped = !emit::is_unchanged(layout);
-    if regrouped {
-        layout::order_by_tree(scene, layout);
-    }
+    let trees = if regrouped { layout::order_for_good(scene, layout, known) } else { Vec::new() };
     let reason = if regrouped { "rewritten groups are put in tree order" } else { "no group is rewritten" };
-    pass("order by tree", regrouped, reason, start)
+    (pass("order by tree", regrouped, reason, start), trees)
 }
 
 pub(super) fn pass(name: &'static str, applied: bool, reason: &str, start: Instant) -> Pass {

@@ -33,7 +33,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
     let matching = by.choose(&scene_before, &scene_after);
     let options = VerifyOptions { matching, ..options.clone() };
     let trees_before = MeshTrees::build(&scene_before);
-    let trees_after = trees_before.build_for(&scene_before, &scene_after);
+    let trees_after = trees_before.build_for(&scene_before, &scene_after, &[]);
     let scenes = [&scene_before, &scene_after];
     let verification = machine.verify_with(scenes, [&trees_before, &trees_after], &options)?;
     let blas_per = options.build.blas_per;

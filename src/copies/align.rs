@@ -6,6 +6,7 @@ use super::anchors;
 use super::fit::{rounded, similarity, snapped};
 use super::grid::{Budget, Grid, Pair};
 use super::shape::Shape;
+use super::signature::bar;
 
 /// Anchors are off by the tolerance, and what they fix by some times as much.
 const ANCHOR_ERROR: f64 = 8.0;
@@ -31,12 +32,15 @@ struct Task<'a> {
 }
 
 /// How `copy` is a copy of `model`, if it is one: with triangles in the same order, else in any.
-pub(super) fn align(model: &Shape, copy: &Shape, tolerance: f64, moves: bool) -> Option<Alignment> {
+/// `distances` are those of the model, as [`Shape::distances`] gives them.
+pub(super) fn align(model: &Shape, distances: &[f64], copy: &Shape, tolerance: f64, moves: bool) -> Option<Alignment> {
     let task = Task { model, copy, tolerance, moves };
     if model.corners.len() != copy.corners.len() || model.properties != copy.properties {
         return None;
     }
-    task.in_order().or_else(|| task.reordered())
+    let found = task.in_order();
+    let resembles = || distances.iter().zip(copy.distances()).all(|(&a, b)| task.are_as_long(a, b));
+    found.or_else(|| if resembles() { task.reordered() } else { None })
 }
 
 impl Task<'_> {
@@ -47,12 +51,22 @@ impl Task<'_> {
         considered.iter().find_map(|&(mirrored, turn)| {
             let order = Pair { triangle: 0, turn }.corners(mirrored);
             let same = |(a, b): (&[u64; 3], &[u64; 3])| (0..3).all(|i| a[i] == b[order[i]]);
-            if !self.model.keys.iter().zip(&self.copy.keys).all(same) {
+            let as_far = |(a, b): (&[DVec3; 3], &[DVec3; 3])| {
+                (0..3).all(|i| self.are_as_long(self.model.distance(a[i]), self.copy.distance(b[order[i]])))
+            };
+            let (model, copy) = (self.model, self.copy);
+            if !model.keys.iter().zip(&copy.keys).all(same) || !model.corners.iter().zip(&copy.corners).all(as_far) {
                 return None;
             }
             let pairs = (0..self.model.corners.len() as u32).map(|triangle| Pair { triangle, turn }).collect();
             self.settle(pairs, mirrored)
         })
+    }
+
+    /// Whether distances from the middle, in units of the spread, differ by no more than the tolerance can make them.
+    fn are_as_long(&self, of_model: f64, of_copy: f64) -> bool {
+        let unit = if self.copy.spread > 0.0 { self.copy.spread } else { 1.0 };
+        (of_model - of_copy).abs() <= bar(self.tolerance / unit, of_copy)
     }
 
     /// With triangles in any order.
@@ -89,7 +103,8 @@ impl Task<'_> {
 
     /// The motion, as a file holds it, that leaves no corner farther off than the tolerance: none if that is one.
     fn motion(&self, pairs: &[Pair], mirrored: bool) -> Option<DAffine3> {
-        if !mirrored && self.error(pairs, &DAffine3::IDENTITY, mirrored) <= self.tolerance {
+        let is_near = |(p, q): (DVec3, DVec3)| p.distance(q) <= self.tolerance;
+        if !mirrored && self.corners(pairs, mirrored).all(is_near) {
             return Some(DAffine3::IDENTITY);
         }
         if !self.moves {

@@ -31,6 +31,7 @@ use raykiln_formats::Document;
 use rayon::prelude::*;
 use serde_json::Value;
 
+use crate::cost::bytes;
 use crate::scene::{MeshId, Scene, StandIn, TriangleOrder};
 use align::Alignment;
 use shape::Shape;
@@ -62,6 +63,8 @@ pub struct Options {
     /// size, or, where coordinates are so large that single precision is coarser, than this ratio of them, up to a
     /// hundredth.
     pub max_position_error_ratio: f64,
+    /// Predicted bytes of BLASes that copies must be able to save to be looked for; 0 to find them all.
+    pub least_saved_bytes: u64,
 }
 
 /// A mesh that is a copy of another.
@@ -82,6 +85,8 @@ pub struct CopiedMesh {
 pub struct Copies {
     /// Each mesh at most once.
     pub list: Vec<CopiedMesh>,
+    /// Predicted bytes of BLASes that all there might be could save, where that is too little for any to be looked for.
+    pub most_saved_bytes: Option<u64>,
 }
 
 impl Copies {
@@ -95,15 +100,24 @@ impl Copies {
 /// points, lines, morph targets or dropped triangles are neither. The model of a class is the mesh of it nearest to its
 /// origin, which is stored most precisely; the first of them in the file.
 pub fn find(doc: &Document, scene: &Scene, options: &Options) -> Copies {
+    let too_few = |most: u64| (most < options.least_saved_bytes).then_some(most);
+    let none = |most_saved_bytes| Copies { list: Vec::new(), most_saved_bytes };
     let roles = roles(doc, scene);
-    let candidates = alike(scene, &roles);
+    let alike = alike(scene, &roles);
+    if let most @ Some(_) = too_few(alike.iter().map(|meshes| most_saved(scene, meshes)).sum()) {
+        return none(most);
+    }
+    let candidates: Vec<MeshId> = alike.into_iter().flatten().collect();
     let signatures = signature::of_all(doc, scene, &candidates, options);
     let groups: BTreeMap<u64, Vec<Signature>> = by_key(signatures);
+    if let most @ Some(_) = too_few(groups.par_iter().map(|(_, group)| most_saved(scene, &resembling(group))).sum()) {
+        return none(most);
+    }
     let search = Search { doc, scene, options, roles: &roles };
     let found: Vec<Vec<CopiedMesh>> = groups.into_par_iter().map(|(_, group)| search.group(group)).collect();
     let mut list: Vec<CopiedMesh> = found.into_iter().flatten().collect();
     list.sort_unstable_by_key(|c| c.mesh);
-    Copies { list }
+    Copies { list, most_saved_bytes: None }
 }
 
 /// Lets the models stand in for their copies.
@@ -171,15 +185,34 @@ fn roles(doc: &Document, scene: &Scene) -> Vec<Role> {
     roles
 }
 
-/// The meshes that have as many triangles of each material and kind as another.
-fn alike(scene: &Scene, roles: &[Role]) -> Vec<MeshId> {
+/// The meshes that have as many triangles of each material and kind as others, together with these.
+fn alike(scene: &Scene, roles: &[Role]) -> Vec<Vec<MeshId>> {
     let mut counts: BTreeMap<u64, Vec<MeshId>> = BTreeMap::new();
     for (i, mesh) in (0u32..).zip(&scene.meshes).filter(|(i, _)| roles[*i as usize] != Role::None) {
         counts.entry(signature::coarse_key(mesh)).or_default().push(MeshId(i));
     }
-    let mut alike: Vec<MeshId> = counts.into_values().filter(|meshes| meshes.len() > 1).flatten().collect();
-    alike.sort_unstable();
-    alike
+    counts.into_values().filter(|meshes| meshes.len() > 1).collect()
+}
+
+/// Predicted bytes of BLASes that are saved if one of some meshes with as many triangles stands in for all others.
+fn most_saved(scene: &Scene, meshes: &[MeshId]) -> u64 {
+    let bytes = |mesh: &MeshId| bytes::blas(scene.meshes[mesh.0 as usize].triangle_count() as u64);
+    meshes.iter().skip(1).map(bytes).fold(0, u64::saturating_add)
+}
+
+/// The meshes whose signatures resemble that of another.
+fn resembling(group: &[Signature]) -> Vec<MeshId> {
+    let buckets = signature::Buckets::new(group);
+    let mut resembles = vec![false; group.len()];
+    for at in 0..group.len() {
+        if !resembles[at] {
+            let are_alike = |a: usize, b: usize| group[a].resembles(&group[b]) || group[b].resembles(&group[a]);
+            let near = buckets.near(&group[at], |other| other != at && are_alike(at, other));
+            resembles[at] = !near.is_empty();
+            near.into_iter().for_each(|other| resembles[other] = true);
+        }
+    }
+    group.iter().zip(resembles).filter(|(_, resembles)| *resembles).map(|(signature, _)| signature.mesh).collect()
 }
 
 fn by_key(signatures: Vec<Signature>) -> BTreeMap<u64, Vec<Signature>> {
@@ -220,8 +253,9 @@ impl Search<'_> {
                 continue;
             }
             let model = Shape::new(self.doc, self.scene, group[at].mesh);
+            let distances = model.distances();
             let found: Vec<Option<CopiedMesh>> =
-                alike.par_iter().map(|&other| self.copy(&model, &group[at], &group[other])).collect();
+                alike.par_iter().map(|&other| self.copy((&model, &distances), &group[at], &group[other])).collect();
             for (&other, found) in alike.iter().zip(found) {
                 is_copy[other] = found.is_some();
                 attempts[other] += 1;
@@ -235,10 +269,10 @@ impl Search<'_> {
         self.roles[other.mesh.0 as usize] != Role::Model && model.resembles(other)
     }
 
-    fn copy(&self, model: &Shape, of: &Signature, other: &Signature) -> Option<CopiedMesh> {
+    fn copy(&self, (model, distances): (&Shape, &[f64]), of: &Signature, other: &Signature) -> Option<CopiedMesh> {
         let shape = Shape::new(self.doc, self.scene, other.mesh);
         let moves = self.options.likeness == Likeness::Rigid && self.roles[other.mesh.0 as usize] == Role::Any;
-        let Alignment { motion, triangles } = align::align(model, &shape, other.tolerance, moves)?;
+        let Alignment { motion, triangles } = align::align(model, distances, &shape, other.tolerance, moves)?;
         let order = TriangleOrder::of(&triangles).map(Arc::new);
         Some(CopiedMesh { mesh: other.mesh, model: of.mesh, motion, order })
     }

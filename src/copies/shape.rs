@@ -72,6 +72,18 @@ impl<'a> Shape<'a> {
         Shape { mesh, parts, corners, keys, properties, center, spread }
     }
 
+    /// How far a point lies from the middle, in units of the spread, or as it is where there is none.
+    pub(super) fn distance(&self, point: DVec3) -> f64 {
+        point.distance(self.center) / if self.spread > 0.0 { self.spread } else { 1.0 }
+    }
+
+    /// The distances of all corners from the middle, ascending.
+    pub(super) fn distances(&self) -> Vec<f64> {
+        let mut distances: Vec<f64> = self.corners.as_flattened().iter().map(|p| self.distance(*p)).collect();
+        distances.sort_unstable_by(f64::total_cmp);
+        distances
+    }
+
     /// Whether two corners agree in everything but their position, after a turn of the first (`None`: not turned).
     pub(super) fn corner_agrees(
         &self,

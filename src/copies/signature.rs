@@ -69,7 +69,7 @@ impl Signature {
             Likeness::Rigid => tolerance(shape, reach, budget, options.max_position_error_ratio),
         };
         let unit = if shape.spread > 0.0 { shape.spread } else { 1.0 };
-        let mut distances: Vec<f64> = points.iter().map(|p| p.distance(shape.center) / unit).collect();
+        let mut distances: Vec<f64> = points.iter().map(|p| shape.distance(*p)).collect();
         let mut sides: Vec<f64> = shape.corners.iter().flat_map(|c| sides(c).map(|s| s / unit)).collect();
         let mut lengths = [0.0; 2 * RANKS];
         order_statistics(&mut distances, &mut lengths[..RANKS]);
@@ -86,13 +86,18 @@ impl Signature {
 
     /// How far one of the lengths of a copy may be off.
     fn bar(&self, length: f64) -> f64 {
-        (4.0 * self.relative_tolerance + ROUNDING) * (1.0 + length)
+        bar(self.relative_tolerance, length)
     }
 
     /// Whether `copy` may be a copy of this mesh.
     pub(super) fn resembles(&self, copy: &Signature) -> bool {
         self.lengths.iter().zip(&copy.lengths).all(|(&a, &b)| (a - b).abs() <= copy.bar(b))
     }
+}
+
+/// How far a length may be off where vertices may be off by `tolerance`, both in units of the spread.
+pub(super) fn bar(tolerance: f64, length: f64) -> f64 {
+    (4.0 * tolerance + ROUNDING) * (1.0 + length)
 }
 
 /// In mesh coordinates, with a margin for the rounding of the check itself.

@@ -188,7 +188,7 @@ fn document(solids: &[Solid]) -> Document {
     Document { json, buffers, path: "test.gltf".into(), kind: Kind::Gltf, warnings: Vec::new() }
 }
 
-const RIGID: Options = Options { likeness: Likeness::Rigid, max_position_error_ratio: 1e-6 };
+const RIGID: Options = Options { likeness: Likeness::Rigid, max_position_error_ratio: 1e-6, least_saved_bytes: 0 };
 const EXACT: Options = Options { likeness: Likeness::Exact, ..RIGID };
 
 fn load(doc: &Document) -> Scene {

@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::tree::{Quality, Tree};
-use crate::layout::{Content, Layout};
+use crate::layout::{Content, Layout, PlacedTrees};
 use crate::scene::{Bounds, Geometry, Mesh, MeshId, Scene};
 
 /// For each mesh of a scene the tree over its triangles in mesh coordinates, item `i` being its triangle `i`; or none,
@@ -21,24 +21,31 @@ impl MeshTrees {
     }
 
     /// The trees of a scene that was read from what was written for another one, whose own these are: shared where a mesh
-    /// has the same triangles, bit for bit, as the mesh of the same number there, else built.
-    pub fn build_for(&self, of: &Scene, scene: &Scene) -> MeshTrees {
+    /// has the same triangles, bit for bit, as the mesh of the same number there, else built. `written` are the trees of
+    /// the last meshes that have triangles, in their order, where they are known.
+    pub fn build_for(&self, of: &Scene, scene: &Scene, written: &[Option<Arc<Tree>>]) -> MeshTrees {
+        let mut of_written = vec![None; scene.meshes.len()];
+        let last = (0..scene.meshes.len()).rev().filter(|&number| scene.meshes[number].triangle_count() > 0);
+        last.zip(written.iter().rev()).for_each(|(number, tree)| of_written[number] = tree.clone());
         let tree = |(number, mesh): (usize, &Mesh)| {
             let same = of.meshes.get(number).filter(|other| have_same_triangles(mesh, other));
-            let known = same.and_then(|_| self.0.get(number)?.clone());
+            let of_same = || same.and_then(|_| self.0.get(number)?.clone());
+            let of_written = of_written[number].clone().filter(|tree| tree.order.len() == mesh.triangle_count());
+            let known = of_written.or_else(of_same);
             Some(known.unwrap_or_else(|| Arc::new(tree(mesh))))
         };
         MeshTrees(scene.meshes.par_iter().enumerate().map(tree).collect())
     }
 
     /// The trees that are known of the meshes that a layout comes to ([`crate::layout::stored`]): those of groups that
-    /// are meshes as they are.
-    pub fn of_layout(&self, layout: &Layout) -> MeshTrees {
+    /// are meshes as they are, and those that are known of placed triangles.
+    pub fn of_layout(&self, scene: &Scene, layout: &Layout, placed: &PlacedTrees) -> MeshTrees {
         let known = |content: &Content| match content {
             Content::Kept(mesh) => self.0.get(mesh.0 as usize).cloned().flatten(),
-            Content::Piece { .. } | Content::Baked { .. } => None,
+            Content::Piece { .. } => None,
+            Content::Baked { .. } => placed.of_group(scene, content).map(Arc::new),
         };
-        MeshTrees(layout.groups.iter().map(|group| known(&group.content)).collect())
+        MeshTrees(layout.groups.par_iter().map(|group| known(&group.content)).collect())
     }
 
     /// The tree of a mesh, if it is known.
@@ -79,7 +86,7 @@ mod tests {
         let mut after = before.clone();
         after.meshes[1].geometries[0].positions[7].x += 0.25;
         after.meshes.push(grid_mesh(2));
-        let others = trees.build_for(&before, &after);
+        let others = trees.build_for(&before, &after, &[]);
         let of = |trees: &MeshTrees, mesh: usize| trees.0[mesh].clone().expect("it is built");
         assert!(Arc::ptr_eq(&of(&trees, 0), &of(&others, 0)));
         assert!(!Arc::ptr_eq(&of(&trees, 1), &of(&others, 1)));
@@ -94,9 +101,9 @@ mod tests {
         layout.groups.swap(0, 1);
         let content = Content::Piece { mesh: MeshId(0), frame: DAffine3::IDENTITY, geometries: vec![] };
         layout.groups.push(crate::layout::Group { name: String::new(), content });
-        let known = trees.of_layout(&layout);
+        let known = trees.of_layout(&scene, &layout, &PlacedTrees::default());
         let len = |mesh: u32| known.get(MeshId(mesh)).map(|tree| tree.order.len());
         assert_eq!([len(0), len(1), len(2), len(3)], [Some(50), Some(18), None, None]);
-        assert!(MeshTrees::default().of_layout(&layout).get(MeshId(0)).is_none());
+        assert!(MeshTrees::default().of_layout(&scene, &layout, &PlacedTrees::default()).get(MeshId(0)).is_none());
     }
 }

@@ -54,7 +54,7 @@ pub(super) fn measure(
 
 fn lay_out_all(scene: &mut Scene, plans: &[Plan], config: &Config) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
-    let mut cache = Cache::default();
+    let mut cache = Cache::serving(plans.iter().map(|plan| &plan.options));
     for plan in plans {
         let laid = lay_out(&mut cache, scene, plan, config.verify.max_position_error_ratio);
         match entries.iter_mut().find(|e| e.laid.is_same(&laid)) {

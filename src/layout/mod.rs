@@ -14,15 +14,17 @@ mod parts;
 mod per_geometry;
 mod per_object;
 mod pieces;
+mod placed_trees;
 mod single;
 mod stored;
 #[cfg(test)]
 mod test_scenes;
 
 pub use cluster::{Cache, looseness};
-pub use order::order_by_tree;
+pub use order::{order_by_tree, order_for_good};
 pub use parts::{isolates, opacities_differ};
 pub use per_geometry::per_geometry;
+pub use placed_trees::PlacedTrees;
 pub use stored::stored;
 
 use crate::cost::bytes;

@@ -2,10 +2,12 @@
 //!
 //! Some drivers build their trees by halving the input by index; such a tree is as good as the order of its input.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Content, Group, GroupGeometry, Layout, Placement};
+use super::{Content, Group, GroupGeometry, Layout, PlacedTrees, Placement};
 use crate::cost::tree::{Quality, Tree};
 use crate::scene::{Bounds, Scene, TriangleRef};
 
@@ -18,34 +20,65 @@ const TREE_TRIANGLES: usize = 1 << 19;
 /// A group of more than 2^19 triangles follows the Morton curve, which is the order of a linear tree (C. Lauterbach et
 /// al., "Fast BVH Construction on GPUs", 2009): for an order it is as good, and it takes a tenth of the memory.
 pub fn order_by_tree(scene: &Scene, layout: &mut Layout) {
-    let bounds: Vec<Bounds> = layout.groups.par_iter_mut().map(|group| order_group(scene, group)).collect();
+    let order = |group: &mut Group| order_group(scene, group, &|count, bounds| order_items(count, bounds));
+    let bounds = layout.groups.par_iter_mut().map(|group| order(group).bounds).collect();
+    order_groups(layout, bounds);
+}
+
+/// As [`order_by_tree`], by trees that serve for tracing: gives for each group the tree whose item `i` is triangle `i` of the
+/// group as it is then; `None` for groups that are meshes as they are, and where no tree can hold all triangles. Trees
+/// that are `known` are not built again.
+pub fn order_for_good(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -> Vec<Option<Arc<Tree>>> {
+    let order = |group: &mut Group| {
+        let tree = known.of_group(scene, &group.content);
+        order_group(scene, group, &|count, bounds| order_by(tree.as_ref(), count, bounds))
+    };
+    let ordered: Vec<Ordered> = layout.groups.par_iter_mut().map(order).collect();
+    let (bounds, mut trees): (Vec<Bounds>, Vec<Option<Tree>>) = ordered.into_iter().map(|o| (o.bounds, o.tree)).unzip();
+    let order = order_groups(layout, bounds);
+    order.into_iter().map(|old| trees[old as usize].take().map(Arc::new)).collect()
+}
+
+/// Puts baked groups after all others, in the order of a tree over their boxes; gives the new order.
+fn order_groups(layout: &mut Layout, bounds: Vec<Bounds>) -> Vec<u32> {
     let baked = |group: &u32| matches!(layout.groups[*group as usize].content, Content::Baked { .. });
     let (baked, mut order): (Vec<u32>, Vec<u32>) = (0..layout.groups.len() as u32).partition(baked);
     let baked_bounds: Vec<Bounds> = baked.iter().map(|&g| bounds[g as usize]).collect();
     order.extend(tree_order(&baked_bounds).into_iter().map(|i| baked[i as usize]));
     permute_groups(layout, &order);
+    order
 }
 
+/// Sorts so many items by their boxes.
+type Sort<'a> = dyn Fn(usize, &Boxes) -> Ordered + Sync + 'a;
+
+/// The boxes of items.
+type Boxes<'a> = dyn Fn(u32) -> Bounds + Sync + 'a;
+
 /// Sorts the triangles of a group; gives its box in world coordinates, empty for a group that is not baked.
-fn order_group(scene: &Scene, group: &mut Group) -> Bounds {
+fn order_group(scene: &Scene, group: &mut Group, sort: &Sort) -> Ordered {
     match &mut group.content {
-        Content::Kept(_) => Bounds::EMPTY,
+        Content::Kept(_) => Ordered::default(),
         Content::Piece { mesh, frame, geometries } => {
             let (mesh, into) = (&scene.meshes[mesh.0 as usize], frame.inverse());
             let corners = |at: TriangleRef| mesh.corners(at.triangle).map(|p| into.transform_point3(p.as_dvec3()));
-            order_geometries(geometries, &corners);
-            Bounds::EMPTY
+            Ordered { bounds: Bounds::EMPTY, ..order_geometries(geometries, &corners, sort) }
         }
         Content::Baked { frame, geometries } => {
             let into = frame.inverse();
-            let bounds = order_geometries(geometries, &|at| scene.world_corners(at).map(|p| into.transform_point3(p)));
-            bounds.transformed(frame)
+            let corners = |at: TriangleRef| scene.world_corners(at).map(|p| into.transform_point3(p));
+            let ordered = order_geometries(geometries, &corners, sort);
+            Ordered { bounds: ordered.bounds.transformed(frame), ..ordered }
         }
     }
 }
 
-/// Sorts the triangles of each geometry by a tree over all of them; gives the box around them.
-fn order_geometries(geometries: &mut [GroupGeometry], corners: &(impl Fn(TriangleRef) -> [DVec3; 3] + Sync)) -> Bounds {
+/// Sorts the triangles of each geometry by a tree over all of them. What is given says where each item is then.
+fn order_geometries(
+    geometries: &mut [GroupGeometry],
+    corners: &(impl Fn(TriangleRef) -> [DVec3; 3] + Sync),
+    sort: &Sort,
+) -> Ordered {
     let ends: Vec<usize> = geometries
         .iter()
         .scan(0, |end, g| {
@@ -55,34 +88,59 @@ fn order_geometries(geometries: &mut [GroupGeometry], corners: &(impl Fn(Triangl
         .collect();
     let all: Vec<TriangleRef> = geometries.iter().flat_map(|g| g.triangles.iter().copied()).collect();
     let triangle_bounds = |i: u32| Bounds::of(corners(all[i as usize]));
-    let order = order_items(all.len(), &triangle_bounds);
+    let mut ordered = sort(all.len(), &triangle_bounds);
+    let mut next: Vec<usize> = geometries.iter().zip(&ends).map(|(g, end)| end - g.triangles.len()).collect();
     geometries.iter_mut().for_each(|g| g.triangles.clear());
-    for &i in &order.items {
-        let geometry = ends.partition_point(|&end| end <= i as usize);
-        geometries[geometry].triangles.push(all[i as usize]);
+    for item in &mut ordered.items {
+        let geometry = ends.partition_point(|&end| end <= *item as usize);
+        geometries[geometry].triangles.push(all[*item as usize]);
+        *item = next[geometry] as u32;
+        next[geometry] += 1;
     }
-    order.bounds
+    if let Some(tree) = &mut ordered.tree {
+        tree.order = std::mem::take(&mut ordered.items);
+    }
+    ordered
 }
 
 /// Items in the order of a tree, and the box around them.
+#[derive(Default)]
 struct Ordered {
     items: Vec<u32>,
     bounds: Bounds,
+    /// The tree, but for its order.
+    tree: Option<Tree>,
 }
 
-fn order_items(count: usize, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Ordered {
-    let items = (0..count as u32).into_par_iter();
-    if count > TREE_TRIANGLES {
-        let around = items.map(bounds).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
-        return Ordered { items: along_morton_curve(count, bounds, &around), bounds: around };
+/// By a tree for the sake of order alone.
+fn order_items(count: usize, bounds: &Boxes) -> Ordered {
+    let around = around(count, bounds);
+    let items = match count > TREE_TRIANGLES {
+        true => along_morton_curve(count, bounds, &around),
+        false => tree_order(&(0..count as u32).into_par_iter().map(bounds).collect::<Vec<_>>()),
+    };
+    Ordered { items, bounds: around, tree: None }
+}
+
+/// By a known tree, or one that is as good.
+fn order_by(known: Option<&Tree>, count: usize, bounds: &Boxes) -> Ordered {
+    let mut tree = match known {
+        Some(known) => known.clone(),
+        None => Tree::build_from(count, Quality::Medium, &bounds),
+    };
+    let items = std::mem::take(&mut tree.order);
+    match items.len() == count {
+        true => Ordered { items, bounds: around(count, bounds), tree: Some(tree) },
+        false => order_items(count, bounds),
     }
-    let boxes: Vec<Bounds> = items.map(bounds).collect();
-    let around = boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(b));
-    Ordered { items: tree_order(&boxes), bounds: around }
+}
+
+fn around(count: usize, bounds: &Boxes) -> Bounds {
+    (0..count as u32).into_par_iter().map(bounds).reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
 }
 
 /// The items by the Morton codes of their boxes' centres, 21 bits an axis, then by number.
-fn along_morton_curve(count: usize, bounds: &(impl Fn(u32) -> Bounds + Sync), around: &Bounds) -> Vec<u32> {
+fn along_morton_curve(count: usize, bounds: &Boxes, around: &Bounds) -> Vec<u32> {
     let extent = around.size().max_element();
     let cells_per_unit = f64::from((1 << 21) - 1) / extent;
     let code = |i: u32| {

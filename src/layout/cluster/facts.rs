@@ -19,9 +19,6 @@ const FEWEST_TURNED: u32 = 8;
 /// The boxes of a part's triangles must be this many times as large as they need be for another frame to be tried.
 const LOOSE: f64 = 1.25;
 
-/// The least entry cost for which frames are looked for.
-const LEAST_ENTRY: f64 = 2.0;
-
 /// Triangles that tell whether a frame fits.
 const SAMPLE: usize = 48;
 
@@ -124,24 +121,34 @@ impl Sums {
 impl Facts {
     /// Whether a frame of its own could pay: a world box of a turned box is never smaller than that of the triangles
     /// themselves, so that entering it costs at least so much.
-    fn could_be_turned(&self) -> bool {
-        (FEWEST_TURNED..=MOST_TURNED).contains(&self.triangles)
+    fn could_be_turned(&self, by: &Turning) -> bool {
+        (by.fewest.max(FEWEST_TURNED)..=MOST_TURNED).contains(&self.triangles)
             && self.looseness > LOOSE
-            && self.inside > (LEAST_ENTRY + TLAS_NODES * TRAVERSAL) * self.world_area
+            && self.inside > (by.least_entry + TLAS_NODES * TRAVERSAL) * self.world_area
     }
 }
 
-/// For every node the best frame of its own, where one fits clearly better than that of the tree.
+/// Which parts may get a frame of their own.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turning {
+    /// Those of at least so many triangles.
+    pub(super) fewest: u32,
+    /// Those that could pay at this entry cost.
+    pub(super) least_entry: f64,
+}
+
+/// For every node that may get one the best frame of its own, where one fits clearly better than that of the tree.
 /// `known` tells what is known of a node already.
 pub(super) fn own_frames(
     soup: &Soup,
     tree: &Tree,
     facts: &[Facts],
     base: &Turned,
+    by: &Turning,
     known: impl Fn(usize) -> Option<Option<Own>> + Sync,
 ) -> Vec<Option<Own>> {
     let find = |refit: &mut Refit, node: usize| {
-        facts[node].could_be_turned().then(|| own_frame(soup, tree, node as u32, base, refit)).flatten()
+        facts[node].could_be_turned(by).then(|| own_frame(soup, tree, node as u32, base, refit)).flatten()
     };
     let try_node = |refit: &mut Refit, node: usize| known(node).unwrap_or_else(|| find(refit, node));
     (0..tree.nodes.len()).into_par_iter().with_max_len(64).map_init(Refit::default, try_node).collect()

@@ -4,7 +4,7 @@ use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use super::facts::{self, Facts, Own};
+use super::facts::{self, Facts, Own, Turning};
 use super::met::Met;
 use super::programme::{self, Group, Known};
 use super::refit::Refit;
@@ -16,6 +16,7 @@ use crate::cost::segments::Segment;
 use crate::cost::tree::{Quality, Tree};
 use crate::layout::builder::Object;
 use crate::layout::frames::{self, Search};
+use crate::layout::{Options, PlacedTrees};
 use crate::scene::Scene;
 
 /// Triangles, their tree in the frame that fits all of them best, and the frames that parts of it would rather have.
@@ -23,9 +24,12 @@ pub(super) struct Ground {
     pub(super) soup: Soup,
     base: Turned,
     tree: Tree,
+    /// The tree along the axes of the world, where `base` is another frame.
+    along: Option<Tree>,
     facts: Vec<Facts>,
     /// Whether parts may get frames of their own.
     turns: bool,
+    turning: Turning,
     /// Found when it is needed first.
     parts: OnceCell<Parts>,
     /// By the rays that were asked for last.
@@ -50,9 +54,9 @@ struct Parts {
 const SAMPLE: usize = 1 << 14;
 
 impl Ground {
-    /// Of the triangles of some objects; `None` where one of them has a box that no tree can hold. `frames` is whether
-    /// frames are looked for.
-    pub(super) fn new(scene: &Scene, objects: &[Object], frames: bool) -> Option<Ground> {
+    /// Of the triangles of some objects, to be cut at `least_entry` or more; `None` where one of them has a box that no tree
+    /// can hold.
+    pub(super) fn new(scene: &Scene, objects: &[Object], options: &Options, least_entry: f64) -> Option<Ground> {
         let soup = Soup::new(scene, objects);
         let tree_in =
             |frame: &Turned| Tree::build_from(soup.len(), Quality::Medium, &|triangle| soup.bounds_in(frame, triangle));
@@ -60,10 +64,20 @@ impl Ground {
         if tree.order.len() < soup.len() || tree.nodes.is_empty() {
             return None;
         }
-        let base = if frames { best_frame(&soup, &tree) } else { Turned::NOT };
-        let tree = if base == Turned::NOT { tree } else { tree_in(&base) };
+        let base = if options.frames { best_frame(&soup, &tree) } else { Turned::NOT };
+        let (tree, along) = if base == Turned::NOT { (tree, None) } else { (tree_in(&base), Some(tree)) };
         let facts = facts::facts(&soup, &tree, &base);
-        Some(Ground { soup, base, tree, facts, turns: frames, parts: OnceCell::new(), rays: RefCell::default() })
+        Some(Ground {
+            soup,
+            base,
+            tree,
+            along,
+            facts,
+            turns: options.frames,
+            turning: Turning { fewest: options.min_turned_triangles, least_entry },
+            parts: OnceCell::new(),
+            rays: RefCell::default(),
+        })
     }
 
     /// The box around all triangles.
@@ -71,10 +85,16 @@ impl Ground {
         self.facts.first().map_or(0.0, |root| root.extent)
     }
 
+    /// Its trees, for others that need them.
+    pub(super) fn into_trees(self) -> PlacedTrees {
+        let along = self.along.map(|tree| (Turned::NOT.rotation, tree));
+        PlacedTrees::new(self.soup.refs, along.into_iter().chain([(self.base.rotation, self.tree)]).collect())
+    }
+
     /// What may leave; `None` where nothing may.
     fn parts(&self) -> Option<&Parts> {
         let find = || Parts {
-            own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base, |_| None),
+            own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base, &self.turning, |_| None),
             units: units::units(&self.soup, &self.tree, &self.facts, &self.base),
         };
         self.turns.then(|| self.parts.get_or_init(find))
@@ -149,8 +169,8 @@ impl Ground {
         let (tree, known) = self.tree.retaining(|triangle| stays[triangle as usize]);
         let mut facts = facts::facts(&self.soup, &tree, &self.base);
         let own = self.parts().map_or(&[][..], |parts| &parts.own);
-        let mut own =
-            facts::own_frames(&self.soup, &tree, &facts, &self.base, |node| known[node].map(|node| own[node as usize]));
+        let known = |node: usize| known[node].map(|node| own[node as usize]);
+        let mut own = facts::own_frames(&self.soup, &tree, &facts, &self.base, &self.turning, known);
         if !segments.is_empty() {
             let met = Met::new(&self.soup, &tree, &facts, &self.base, segments);
             own = met.own(&own);

@@ -25,7 +25,7 @@ use glam::DAffine3;
 use super::builder::{Builder, Geometries, Object, group_name, objects};
 use super::instancing::bake_within_limits;
 use super::parts::{bake_part, parts};
-use super::{Layout, Options, single};
+use super::{Layout, Options, PlacedTrees, single};
 use crate::cost::sah::TRAVERSAL;
 use crate::scene::{Bounds, InstanceId, Scene};
 use ground::Ground;
@@ -79,22 +79,63 @@ impl Limits {
 }
 
 /// What several runs over the same scene share. Runs with equal options give equal layouts, with a cache or without.
-#[derive(Default)]
-pub struct Cache(Option<(Key, Option<Rc<Ground>>)>);
+pub struct Cache {
+    /// No run has an entry cost below this one.
+    least_entry: f64,
+    last: Option<(Key, Option<Rc<Ground>>)>,
+    /// Those over most triangles.
+    trees: PlacedTrees,
+}
+
+/// The least entry cost by which parts are looked for that could have a frame of their own.
+const LEAST_ENTRY: f64 = 2.0;
+
+impl Default for Cache {
+    fn default() -> Self {
+        Cache { least_entry: LEAST_ENTRY, last: None, trees: PlacedTrees::default() }
+    }
+}
 
 /// What a [`Ground`] depends on.
-type Key = (Vec<Object>, bool);
+type Key = (Vec<Object>, bool, u32);
 
 impl Cache {
-    fn ground(&mut self, scene: &Scene, objects: &[Object], options: &Options) -> Option<Rc<Ground>> {
-        let serves = |key: &Key| key.0 == objects && key.1 == options.frames;
-        if !self.0.as_ref().is_some_and(|(key, _)| serves(key)) {
-            // The old one goes first: both at once could be too much.
-            self.0 = None;
-            let ground = Ground::new(scene, objects, options.frames).map(Rc::new);
-            self.0 = Some(((objects.to_vec(), options.frames), ground));
+    /// For runs with these options alone: what could pay in none of them is not looked for.
+    pub fn serving<'a>(runs: impl IntoIterator<Item = &'a Options>) -> Cache {
+        let least = |o: &Options| {
+            // What bounds divide is a group whatever it costs; by rays, areas tell little of what an entry is worth.
+            let bounded = o.max_group_triangles.is_some() || o.max_group_extent_ratio.is_some();
+            if bounded || o.segments.is_some() { LEAST_ENTRY } else { o.entry_cost }
+        };
+        Cache {
+            least_entry: runs.into_iter().map(least).fold(f64::INFINITY, f64::min).max(LEAST_ENTRY),
+            ..Cache::default()
         }
-        self.0.as_ref().and_then(|(_, ground)| ground.clone())
+    }
+
+    fn ground(&mut self, scene: &Scene, objects: &[Object], options: &Options) -> Option<Rc<Ground>> {
+        let serves = |key: &Key| (&*key.0, key.1, key.2) == (objects, options.frames, options.min_turned_triangles);
+        if !self.last.as_ref().is_some_and(|(key, _)| serves(key)) {
+            // The old one goes first: both at once could be too much.
+            self.retire();
+            let ground = Ground::new(scene, objects, options, self.least_entry).map(Rc::new);
+            self.last = Some(((objects.to_vec(), options.frames, options.min_turned_triangles), ground));
+        }
+        self.last.as_ref().and_then(|(_, ground)| ground.clone())
+    }
+
+    /// Lets go of all but the trees, where they are over more triangles than those that are known.
+    fn retire(&mut self) {
+        let last = self.last.take().and_then(|(_, ground)| Rc::into_inner(ground?));
+        if let Some(trees) = last.map(Ground::into_trees).filter(|trees| trees.len() > self.trees.len()) {
+            self.trees = trees;
+        }
+    }
+
+    /// The trees that the runs built.
+    pub fn into_trees(mut self) -> PlacedTrees {
+        self.retire();
+        self.trees
     }
 }
 

@@ -134,8 +134,9 @@ impl Bottom {
         let corners = |t: u32| mesh.corners(t).map(|p| (p.as_dvec3() * scale).as_vec3());
         let bounds = |t: u32| Bounds::of(corners(t).map(|p| p.as_dvec3()));
         let kept = distinct(mesh);
-        let tree = match tree.filter(|tree| tree.order.len() == kept.len()) {
-            Some(tree) => Cow::Borrowed(tree),
+        let tree = match tree.filter(|tree| tree.order.len() == mesh.triangle_count()) {
+            Some(tree) if tree.order.len() == kept.len() => Cow::Borrowed(tree),
+            Some(tree) => Cow::Owned(tree.retaining(|triangle| kept.binary_search(&triangle).is_ok()).0),
             None => {
                 let mut tree = Tree::build_from(kept.len(), Quality::Medium, &|i| bounds(kept[i as usize]));
                 tree.order.iter_mut().for_each(|i| *i = kept[*i as usize]);
