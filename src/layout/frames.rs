@@ -6,6 +6,8 @@
 //! Lin, D. Manocha, "OBBTree", SIGGRAPH 1996); a frame a group makes it work on hardware, whose boxes are axis-aligned
 //! within a BLAS. Candidates are taken from the triangles, and judged by refitting one tree in each.
 
+use std::borrow::Cow;
+
 use glam::{DMat3, DVec3};
 
 /// Heaviest votes that are tried as the beginning of a cluster.
@@ -92,39 +94,42 @@ impl Votes {
 /// The heaviest clusters of directions, heaviest first, each the mean of its members. Those that began a cluster are
 /// the heaviest single votes, so that few of them need to be tried.
 fn dominant(votes: &Directions, count: usize) -> Vec<DVec3> {
-    let mut left: Directions = votes.clone();
+    let mut left = Cow::Borrowed(votes);
     let mut found = Vec::new();
-    while found.len() < count && !left.is_empty() {
-        let seeds = heaviest(&left, SEEDS);
-        let weight = |seed: &DVec3| left.iter().filter(|(d, _)| same(*d, *seed)).map(|(_, w)| w).sum::<f64>();
-        let Some(seed) = seeds.into_iter().map(|s| (weight(&s), s)).reduce(|a, b| if b.0 > a.0 { b } else { a }) else {
-            break;
-        };
-        let mut mean = seed.1;
+    while let Some(seed) = best_seed(&left) {
+        let mut mean = seed;
         for _ in 0..2 {
             let members = left.iter().filter(|(d, _)| same(*d, mean));
             mean = members.map(|&(d, w)| d * w * d.dot(mean).signum()).sum::<DVec3>().normalize_or(mean);
         }
-        left.retain(|(d, _)| !same(*d, mean) && !same(*d, seed.1));
         found.push(mean);
+        if found.len() == count {
+            break;
+        }
+        left.to_mut().retain(|(d, _)| !same(*d, mean) && !same(*d, seed));
     }
     found
 }
 
-/// The heaviest votes, of which no two are the same direction.
-fn heaviest(votes: &Directions, count: usize) -> Vec<DVec3> {
-    let mut order: Vec<(f64, usize)> = votes.iter().enumerate().map(|(at, vote)| (vote.1, at)).collect();
-    order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut seeds: Vec<DVec3> = Vec::new();
-    for (_, at) in order {
-        if seeds.len() == count {
-            break;
+/// Of the heaviest votes, no two of them in the same direction, the one with most weight in its direction.
+fn best_seed(votes: &Directions) -> Option<DVec3> {
+    let mut is_tried = vec![false; votes.len()];
+    let mut best = None;
+    for _ in 0..SEEDS {
+        let untried = votes.iter().zip(&is_tried).filter(|(_, tried)| !**tried).map(|(vote, _)| vote);
+        let Some(&(seed, _)) = untried.reduce(|a, b| if b.1.total_cmp(&a.1).is_gt() { b } else { a }) else { break };
+        let mut weight = 0.0;
+        for ((direction, of_vote), tried) in votes.iter().zip(&mut is_tried) {
+            if same(*direction, seed) {
+                weight += of_vote;
+                *tried = true;
+            }
         }
-        if !seeds.iter().any(|s| same(*s, votes[at].0)) {
-            seeds.push(votes[at].0);
+        if best.is_none_or(|(most, _)| weight > most) {
+            best = Some((weight, seed));
         }
     }
-    seeds
+    best.map(|(_, seed)| seed)
 }
 
 fn same(a: DVec3, b: DVec3) -> bool {
