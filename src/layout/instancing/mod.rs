@@ -8,6 +8,7 @@
 mod bake_or_keep;
 mod choose;
 mod cut;
+mod improve;
 mod notes;
 mod pieces;
 mod plan;

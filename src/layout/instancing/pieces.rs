@@ -4,8 +4,8 @@
 //! Performance Graphics 2017, done to the file. Other than there, all instances of a mesh share the pieces, so that these need
 //! not be nodes of one tree, nor be boxed along the axes of the mesh: small parts are joined bottom-up, always the two by which
 //! the surface area heuristic's sum grows least (B. Walter, K. Bala, M. Kulkarni, K. Pingali, "Fast Agglomerative
-//! Clustering for Rendering", Interactive Ray Tracing 2008), the areas being those of turned boxes. The instance undoes the
-//! frame of a piece, which costs no bytes.
+//! Clustering for Rendering", Interactive Ray Tracing 2008), the areas being those of turned boxes; and after every few joins
+//! neighbours are divided anew ([`super::improve`]). The instance undoes the frame of a piece, which costs no bytes.
 
 use std::f64::consts::PI;
 
@@ -13,6 +13,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::super::builder::Part;
 use super::cut::Cuts;
+use super::improve::improve;
 use crate::cost::segments::Boxed;
 use crate::cost::tree::Quality;
 use crate::scene::{Bounds, Mesh};
@@ -22,6 +23,10 @@ pub(super) const PIECES: [usize; 11] = [1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64];
 
 /// Small parts that pieces are made of, at most.
 const PARTS: usize = 192;
+
+/// Share of the clusters that are left before they are improved, and how many are few enough for that.
+const KEPT_AT_ONCE: f64 = 0.75;
+const FIRST_IMPROVED: usize = 96;
 
 /// Parts that are tried as partners of a part: those next to it.
 const PARTNERS: usize = 8;
@@ -65,25 +70,33 @@ pub(super) fn levels(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: 
 
 /// Some triangles, and the turned box around them.
 #[derive(Clone)]
-struct Cluster {
-    triangles: Vec<u32>,
+pub(super) struct Cluster {
+    pub(super) triangles: Vec<u32>,
     /// Their outermost points.
-    points: Vec<DVec3>,
+    pub(super) points: Vec<DVec3>,
     /// Box from mesh.
-    axes: DMat3,
+    pub(super) axes: DMat3,
     /// Of the box.
     area: f64,
 }
 
 /// The clusters for each wanted number of them, in descending order.
-fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], turns: bool) -> Vec<Vec<Cluster>> {
+///
+/// What was joined is improved on the way, since joined parts never come apart again.
+pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], turns: bool) -> Vec<Vec<Cluster>> {
     let parts = Cuts::of_equal_parts(tree, PARTS);
-    let mut joining = Joining::new(parts.into_iter().map(|t| Cluster::new(mesh, t, turns)).collect(), turns);
+    let mut clusters: Vec<Cluster> = parts.into_iter().map(|t| Cluster::new(mesh, t, turns)).collect();
     let mut found = Vec::new();
     for &wanted in wanted {
-        while joining.left > wanted && joining.join_next() {}
-        if joining.left == wanted {
-            found.push(joining.clusters.iter().flatten().cloned().collect());
+        while clusters.len() > wanted.max(1) {
+            let next = wanted.max(1).max((KEPT_AT_ONCE * clusters.len() as f64) as usize);
+            clusters = Joining::new(clusters, turns).join_to(next);
+            if next <= FIRST_IMPROVED {
+                improve(mesh, &mut clusters, turns);
+            }
+        }
+        if clusters.len() == wanted {
+            found.push(clusters.clone());
         }
     }
     found
@@ -105,6 +118,12 @@ impl Joining {
         let mut joining = Joining { clusters, best: vec![None; left], left, turns };
         (0..left).for_each(|i| joining.best[i] = joining.best_partner(i));
         joining
+    }
+
+    /// Joins until only so many are left.
+    fn join_to(mut self, count: usize) -> Vec<Cluster> {
+        while self.left > count && self.join_next() {}
+        self.clusters.into_iter().flatten().collect()
     }
 
     /// Joins the two clusters that are best joined, the first of equal ones; false where no two are left.
@@ -154,12 +173,28 @@ impl Cluster {
         Cluster { triangles, points: outermost(&both), axes, area }
     }
 
+    /// As [`Cluster::new`], of triangles near those whose axes are given.
+    pub(super) fn near(mesh: &Mesh, triangles: Vec<u32>, given: &[DMat3], turns: bool) -> Cluster {
+        let mut cluster = Cluster::new(mesh, triangles, turns);
+        if turns {
+            let (_, axes) = best_axes(&cluster.points, &[given, &[cluster.axes]].concat(), turns);
+            cluster.axes = refined(&cluster.points, axes);
+            cluster.area = area(&cluster.points, &cluster.axes);
+        }
+        cluster
+    }
+
+    /// The area times the triangles within.
+    pub(super) fn cost(&self) -> f64 {
+        self.area * self.triangles.len() as f64
+    }
+
     /// By how much the sum of areas, each times the triangles within, grows.
     fn cost_of_joining(&self, other: &Cluster, turns: bool) -> f64 {
         let both = [self.points.as_slice(), &other.points].concat();
         let (area, _) = best_axes(&both, &[self.axes, other.axes], turns);
         let (a, b) = (self.triangles.len() as f64, other.triangles.len() as f64);
-        area * (a + b) - self.area * a - other.area * b
+        area * (a + b) - self.cost() - other.cost()
     }
 
     /// The piece, in a frame around its middle, or as it is stored where turning it gains too little.
