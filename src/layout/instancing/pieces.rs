@@ -228,10 +228,18 @@ fn outermost(points: &[DVec3]) -> Vec<DVec3> {
         DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
     };
     let mut found = Vec::with_capacity(2 * DIRECTIONS);
-    for along in (0..DIRECTIONS).map(direction) {
-        let at = |i: &usize| along.dot(points[*i]);
-        found.extend((0..points.len()).min_by(|a, b| at(a).total_cmp(&at(b))));
-        found.extend((0..points.len()).max_by(|a, b| at(a).total_cmp(&at(b))));
+    for along in (0..DIRECTIONS).map(direction).filter(|_| !points.is_empty()) {
+        let (mut least, mut most) = ((f64::INFINITY, 0), (f64::NEG_INFINITY, 0));
+        for (i, &point) in points.iter().enumerate() {
+            let at = along.dot(point);
+            if at < least.0 {
+                least = (at, i);
+            }
+            if at > most.0 {
+                most = (at, i);
+            }
+        }
+        found.extend([least.1, most.1]);
     }
     found.sort_unstable();
     found.dedup();
