@@ -166,7 +166,7 @@ mod tests {
         let triangle = |i: usize| {
             let (r, s) = (i / 2 / SIDES, i / 2 % SIDES);
             let [a, b, c, d] = [point(r, s), point(r + 1, s), point(r + 1, s + 1), point(r, s + 1)];
-            if i % 2 == 0 { [a, b, c] } else { [a, c, d] }
+            if i.is_multiple_of(2) { [a, b, c] } else { [a, c, d] }
         };
         let count = 2 * RINGS * SIDES;
         // 1,009 is a prime and shares no factor with the count.
