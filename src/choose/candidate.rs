@@ -1,6 +1,7 @@
 //! A layout in the running.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::model::Ranking;
@@ -36,8 +37,12 @@ pub(super) struct Candidate {
 }
 
 /// A layout whose rounding is within the limit.
+#[derive(Clone)]
 pub(crate) struct Laid {
-    pub(crate) layout: Layout,
+    /// Before its axes are turned.
+    pub(crate) layout: Arc<Layout>,
+    /// How they are: see [`layout::turn_axes`]. Neither boxes nor rounding depend on it.
+    pub(super) axes: u8,
     pub(super) passes: Vec<Pass>,
     /// Why each instance of the scene is pinned, those among them that rounding would move too far.
     pub(super) pins: Vec<Option<Pinned>>,
@@ -48,15 +53,23 @@ pub(crate) struct Laid {
 impl Laid {
     /// The scene as it would be written: the order of triangles matters to some drivers.
     pub(crate) fn written(&self, scene: &Scene) -> Scene {
-        let mut layout = self.layout.clone();
+        let mut layout = self.turned();
         layout::order_by_tree(scene, &mut layout);
         layout::stored(scene, &layout)
+    }
+
+    /// The layout with its axes turned.
+    pub(super) fn turned(&self) -> Layout {
+        let mut layout = Layout::clone(&self.layout);
+        layout::turn_axes(&mut layout, self.axes);
+        layout
     }
 
     /// Whether two layouts come to the same document but for names.
     pub(crate) fn is_same(&self, other: &Laid) -> bool {
         let (a, b) = (&self.layout, &other.layout);
-        a.placements == b.placements
+        self.axes == other.axes
+            && a.placements == b.placements
             && a.groups.len() == b.groups.len()
             && a.groups.iter().zip(&b.groups).all(|(a, b)| a.content == b.content)
     }
@@ -201,5 +214,5 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
     scene.instances.iter_mut().zip(pins_before).for_each(|(instance, pin)| instance.pinned = pin);
     let diagonal = scene.bounds().diagonal();
     let position_error_ratio = if settled.error == 0.0 { 0.0 } else { settled.error / diagonal };
-    Laid { layout, passes, pins, position_error_ratio }
+    Laid { layout: Arc::new(layout), axes: 0, passes, pins, position_error_ratio }
 }

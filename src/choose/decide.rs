@@ -48,7 +48,7 @@ pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize>
 /// Takes the candidate that was measured to be the fastest, or else predicted to be clearly cheaper; the input, which is
 /// the first one, where nothing beats it. Says of every candidate why it was chosen or not.
 pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, bounds: &Bounds, measured: bool) -> Decision {
-    let allowed = fits(candidates, bounds);
+    let allowed = bounds.allow(candidates);
     let (winner, reason) = match measured {
         true => fastest(candidates, weights, &allowed),
         false => cheapest(candidates, &allowed),
@@ -71,21 +71,23 @@ pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, bounds: &B
     Decision { winner, reason }
 }
 
-/// Which candidates keep to the bounds on bytes and groups; the input where none does.
-fn fits(candidates: &[Candidate], bounds: &Bounds) -> Vec<bool> {
-    let largest = bounds.most_triangles.map_or(usize::MAX, |n| n as usize);
-    // No method makes a triangle shorter: what the best of them leaves is as good as the bound.
-    let shortest = candidates.iter().map(|c| c.longest_group).fold(f64::INFINITY, f64::min);
-    let longest = bounds.longest.max(shortest) * (1.0 + ROUNDING);
-    let fits = |c: &Candidate| {
-        let in_bounds = c.largest_group <= largest && c.longest_group <= longest;
-        in_bounds && (c.is_input() || c.as_bytes as f64 <= bounds.most_bytes)
-    };
-    let mut fits: Vec<bool> = candidates.iter().map(fits).collect();
-    if !fits.contains(&true) {
-        fits[0] = true;
+impl Bounds {
+    /// Which candidates keep to the bounds on bytes and groups; the input, which is the first, where none does.
+    pub(super) fn allow(&self, candidates: &[Candidate]) -> Vec<bool> {
+        let largest = self.most_triangles.map_or(usize::MAX, |n| n as usize);
+        // No method makes a triangle shorter: what the best of them leaves is as good as the bound.
+        let shortest = candidates.iter().map(|c| c.longest_group).fold(f64::INFINITY, f64::min);
+        let longest = self.longest.max(shortest) * (1.0 + ROUNDING);
+        let allows = |c: &Candidate| {
+            let in_bounds = c.largest_group <= largest && c.longest_group <= longest;
+            in_bounds && (c.is_input() || c.as_bytes as f64 <= self.most_bytes)
+        };
+        let mut allowed: Vec<bool> = candidates.iter().map(allows).collect();
+        if !allowed.contains(&true) {
+            allowed.iter_mut().take(1).for_each(|input| *input = true);
+        }
+        allowed
     }
-    fits
 }
 
 fn fastest(candidates: &[Candidate], weights: &Weights, allowed: &[bool]) -> (usize, String) {

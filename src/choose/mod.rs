@@ -34,6 +34,7 @@ use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
 use plans::{Effort, Plan};
+use refine::Round;
 
 /// How the layout is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -119,7 +120,10 @@ pub fn choose(
 ) -> Chosen {
     match options.method {
         Choice::Method(method) => asked_for(scene, method, options, verify),
-        Choice::Auto => best(scene, trees, metrics, machine, options, verify),
+        Choice::Auto => {
+            let [input, before] = metrics;
+            best(scene, &Choosing { trees, before, machine, options, verify }, input)
+        }
     }
 }
 
@@ -143,38 +147,38 @@ fn told(options: &layout::Options, verify: &VerifyOptions) -> layout::Options {
     layout::Options { one_geometry_a_group, ..options.clone() }
 }
 
-/// The best candidate.
-fn best(
-    scene: &mut Scene,
-    trees: &MeshTrees,
-    [input, before]: [&Metrics; 2],
-    machine: &Machine,
-    options: &ChooseOptions,
-    verify: &VerifyOptions,
-) -> Chosen {
+/// What choosing among candidates takes.
+struct Choosing<'a> {
+    /// Known trees of the scene's meshes.
+    trees: &'a MeshTrees,
+    /// The metrics of the scene as it is.
+    before: &'a Metrics,
+    machine: &'a Machine,
+    options: &'a ChooseOptions,
+    verify: &'a VerifyOptions,
+}
+
+/// The best candidate. `input` are the metrics that bound bytes.
+fn best(scene: &mut Scene, choosing: &Choosing, input: &Metrics) -> Chosen {
+    let Choosing { options, verify, .. } = *choosing;
     let max_bytes_ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
     let told = layout::Options { max_bytes_ratio: Some(max_bytes_ratio), ..told(&options.layout, verify) };
-    let (plans, mut passes) = passes::worth_a_try(scene, before, plans::plans(options.effort, &told));
-    let (mut candidates, placed) = evaluate(scene, trees, before, &plans, options, verify);
+    let extent = scene.bounds().size().max_element();
+    let bounds = decide::Bounds {
+        most_bytes: max_bytes_ratio * input.as_bytes() as f64,
+        most_triangles: told.max_group_triangles,
+        longest: told.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
+    };
+    let (plans, mut passes) = passes::worth_a_try(scene, choosing.before, plans::plans(options.effort, &told));
+    let (mut candidates, placed) = choosing.evaluate(scene, &plans);
     let start = Instant::now();
-    let mut raced = race(scene, machine, &mut candidates, options.effort, verify);
-    for round in 0..refine::rounds(options.effort) {
-        let Ok(count) = &mut raced else { break };
-        let plans = refine::plans(&candidates, &verify.weights, round);
-        if plans.is_empty() {
-            break;
-        }
-        let (mut near, _) = evaluate(scene, trees, before, &plans, options, verify);
-        near.retain(|new| !candidates.iter().any(|known| known.laid.is_same(&new.laid)));
-        *count += race(scene, machine, &mut near, options.effort, verify).unwrap_or(0);
-        candidates.extend(near);
+    let contenders = decide::contenders(&candidates, options.effort);
+    let mut raced = choosing.race(scene, &mut candidates, &contenders);
+    if let Ok(count) = &mut raced {
+        *count += choosing.refine(scene, &mut candidates, &bounds);
     }
     passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
     let measured = raced.is_ok_and(|count| count > 0);
-    let most_bytes = max_bytes_ratio * input.as_bytes() as f64;
-    let extent = scene.bounds().size().max_element();
-    let longest = told.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent);
-    let bounds = decide::Bounds { most_bytes, most_triangles: told.max_group_triangles, longest };
     let decision = decide::decide(&mut candidates, &verify.weights, &bounds, measured);
     let reports = candidates.iter().map(|c| c.report(&verify.weights)).collect();
     let winner = candidates.swap_remove(decision.winner);
@@ -189,39 +193,75 @@ fn best(
     finish(scene, winner.laid, &placed, report, passes, measured)
 }
 
-/// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs. Gives also
-/// the trees that laying out built.
-fn evaluate(
-    scene: &mut Scene,
-    trees: &MeshTrees,
-    before: &Metrics,
-    plans: &[Plan],
-    options: &ChooseOptions,
-    verify: &VerifyOptions,
-) -> (Vec<Candidate>, PlacedTrees) {
-    let of_input = TwoLevel::build_with(scene, trees);
-    let rays = rays::generate(scene, &Reference::new(&of_input), options.effort.rays(), verify.seed);
-    let blas_per = verify.build.blas_per;
-    let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
-    let plans = segments::given(plans, &of_input, &rays, &verify.weights);
-    let picoseconds = ranking.picoseconds(&of_input);
-    drop(of_input);
-    let (laid, placed) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
-    let known = Known { trees, placed: &placed, cost: before.two_level_cost, picoseconds };
-    let scene = &*scene;
-    let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
-        let start = Instant::now();
-        let candidate = Candidate::new(scene, &known, plan.clone(), laid, &ranking);
-        Candidate { seconds: seconds + start.elapsed().as_secs_f64(), ..candidate }
-    };
-    let mut candidates = Vec::with_capacity(laid.len());
-    let mut laid = laid.into_iter();
-    loop {
-        let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE).collect();
-        if some.is_empty() {
-            return (candidates, placed);
+impl Choosing<'_> {
+    /// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs. Gives
+    /// also the trees that laying out built.
+    fn evaluate(&self, scene: &mut Scene, plans: &[Plan]) -> (Vec<Candidate>, PlacedTrees) {
+        let Choosing { trees, options, verify, .. } = *self;
+        let of_input = TwoLevel::build_with(scene, trees);
+        let rays = rays::generate(scene, &Reference::new(&of_input), options.effort.rays(), verify.seed);
+        let blas_per = verify.build.blas_per;
+        let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
+        let plans = segments::given(plans, &of_input, &rays, &verify.weights);
+        let picoseconds = ranking.picoseconds(&of_input);
+        drop(of_input);
+        let (laid, placed) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
+        let known = Known { trees, placed: &placed, cost: self.before.two_level_cost, picoseconds };
+        let scene = &*scene;
+        let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
+            let start = Instant::now();
+            let candidate = Candidate::new(scene, &known, plan.clone(), laid, &ranking);
+            Candidate { seconds: seconds + start.elapsed().as_secs_f64(), ..candidate }
+        };
+        let mut candidates = Vec::with_capacity(laid.len());
+        let mut laid = laid.into_iter();
+        loop {
+            let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE).collect();
+            if some.is_empty() {
+                return (candidates, placed);
+            }
+            candidates.par_extend(some.into_par_iter().map(rank));
         }
-        candidates.par_extend(some.into_par_iter().map(rank));
+    }
+
+    /// Times the candidates chosen on the device, if there is one; gives their number, or why there are none.
+    fn race(&self, scene: &Scene, candidates: &mut [Candidate], chosen: &[usize]) -> Result<usize, String> {
+        if chosen.is_empty() {
+            return Err("no candidate differs from the input".to_owned());
+        }
+        let scene_of = |i: usize| candidates[chosen[i]].laid.written(scene);
+        let laps = self.machine.race(scene, chosen.len(), scene_of, self.verify);
+        let mut count = 0;
+        for (&i, lap) in chosen.iter().zip(laps.ok_or("no device traces rays: the model decides")??) {
+            match lap {
+                Ok(lap) => {
+                    candidates[i].lap = Some(lap);
+                    count += 1;
+                }
+                Err(why) => candidates[i].outcome = why,
+            }
+        }
+        Ok(count)
+    }
+
+    /// Times candidates near the fastest, round by round; gives their number.
+    fn refine(&self, scene: &mut Scene, candidates: &mut Vec<Candidate>, bounds: &decide::Bounds) -> usize {
+        let weights = &self.verify.weights;
+        let mut count = 0;
+        for round in refine::rounds(self.options.effort) {
+            let mut near = match *round {
+                Round::Axes { of, ways } => refine::other_axes(candidates, weights, bounds, of, ways),
+                Round::Entry(step) => match refine::other_entries(candidates, weights, bounds, step) {
+                    plans if plans.is_empty() => Vec::new(),
+                    plans => self.evaluate(scene, &plans).0,
+                },
+            };
+            near.retain(|new| !candidates.iter().any(|known| known.laid.is_same(&new.laid)));
+            let all: Vec<usize> = (0..near.len()).collect();
+            count += self.race(scene, &mut near, &all).unwrap_or(0);
+            candidates.extend(near);
+        }
+        count
     }
 }
 
@@ -246,33 +286,6 @@ fn lay_out_all<'p>(
 /// Candidates ranked side by side: each takes memory for its trees.
 const RANKED_AT_ONCE: usize = 2;
 
-/// Times the most promising candidates on the device, if there is one; gives their number, or why there are none.
-fn race(
-    scene: &Scene,
-    machine: &Machine,
-    candidates: &mut [Candidate],
-    effort: Effort,
-    verify: &VerifyOptions,
-) -> Result<usize, String> {
-    let chosen = decide::contenders(candidates, effort);
-    if chosen.is_empty() {
-        return Err("no candidate differs from the input".to_owned());
-    }
-    let scene_of = |i: usize| candidates[chosen[i]].laid.written(scene);
-    let laps = machine.race(scene, chosen.len(), scene_of, verify).ok_or("no device traces rays: the model decides")?;
-    let mut count = 0;
-    for (&i, lap) in chosen.iter().zip(laps?) {
-        match lap {
-            Ok(lap) => {
-                candidates[i].lap = Some(lap);
-                count += 1;
-            }
-            Err(why) => candidates[i].outcome = why,
-        }
-    }
-    Ok(count)
-}
-
 /// Puts the triangles of what is written in tree order.
 fn finish(
     scene: &Scene,
@@ -282,8 +295,8 @@ fn finish(
     mut passes: Vec<Pass>,
     measured: bool,
 ) -> Chosen {
-    let Laid { mut layout, passes: of_layout, .. } = laid;
-    passes.extend(of_layout);
+    let mut layout = laid.turned();
+    passes.extend(laid.passes);
     let (pass, trees) = passes::order(scene, &mut layout, placed);
     passes.push(pass);
     Chosen { layout, trees, report, passes, measured }

@@ -1,35 +1,63 @@
-//! Candidates near the best that was measured.
+//! Candidates near the best that were measured.
 //!
 //! What a layout costs on a device changes by some per cent with every few groups, up and down, and no model says where. So
 //! the neighbourhood of the best is measured too: the same plan with a somewhat lower and a somewhat higher entry cost,
 //! from step to step nearer (a pattern search: R. Hooke, T. A. Jeeves, "Direct Search" Solution of Numerical and
-//! Statistical Problems, Journal of the ACM 8(2), 1961).
+//! Statistical Problems, Journal of the ACM 8(2), 1961), and then the same layout stored along other axes, which changes
+//! nothing but what the driver builds of it.
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Laid};
+use super::decide::Bounds;
 use super::plans::{Effort, PROHIBITIVE, Plan};
-use crate::layout::Method;
+use crate::layout::{Method, WAYS};
 use crate::verify::weights::Weights;
 
-/// By how much entry costs change from round to round.
-const STEPS: [f64; 4] = [1.3, 1.15, 1.07, 1.5];
+/// What is tried next.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Round {
+    /// Entry costs lower and higher than that of the fastest candidate, by this factor.
+    Entry(f64),
+    /// The fastest `of` candidates along so many other axes.
+    Axes { of: usize, ways: usize },
+}
 
 /// What a refined plan is called, after its first name.
 const REFINED: &str = ", refined to entry ";
 
-/// How many rounds there are.
-pub(super) fn rounds(effort: Effort) -> usize {
+/// What a layout along other axes is called, after the name of its plan.
+const ALONG: &str = ", axes ";
+
+/// Candidates slower than this share of the fastest are not worth other axes.
+const NEAR_FASTEST: f64 = 0.95;
+
+/// A step through all ways to lay axes, coprime to their number, so that the first few differ much.
+const STRIDE: usize = 7;
+
+/// The rounds, in their order.
+pub(super) fn rounds(effort: Effort) -> &'static [Round] {
+    use Round::{Axes, Entry};
     match effort.level() {
-        ..5 => 0,
-        5 => 2,
-        _ => STEPS.len(),
+        ..3 => &[],
+        3 => &[Axes { of: 2, ways: 6 }],
+        4 => &[Axes { of: 2, ways: 11 }],
+        5 => &[Entry(1.3), Entry(1.15), Axes { of: 2, ways: 23 }],
+        _ => &[Entry(1.3), Entry(1.15), Entry(1.07), Entry(1.5), Axes { of: 4, ways: 23 }],
     }
 }
 
-/// The plans of a round: neighbours of the fastest candidate so far; none where it has no entry cost to change.
-pub(super) fn plans(candidates: &[Candidate], weights: &Weights, round: usize) -> Vec<Plan> {
-    let speed = |c: &Candidate| c.lap.as_ref().map_or(0.0, |lap| weights.overall(&lap.kinds).speedup_ratio);
-    let best = candidates.iter().filter(|c| c.lap.is_some()).reduce(|a, b| if speed(b) > speed(a) { b } else { a });
-    best.map_or_else(Vec::new, |best| neighbours(&best.plan, STEPS[round % STEPS.len()]))
+/// The candidates that were timed and may be taken, fastest first.
+fn fastest<'c>(candidates: &'c [Candidate], weights: &Weights, bounds: &Bounds) -> Vec<(f64, &'c Candidate)> {
+    let speed = |c: &'c Candidate| Some((weights.overall(&c.lap.as_ref()?.kinds).speedup_ratio, c));
+    let allowed = bounds.allow(candidates).into_iter();
+    let mut timed: Vec<_> = candidates.iter().zip(allowed).filter(|c| c.1).filter_map(|c| speed(c.0)).collect();
+    timed.sort_by(|a, b| b.0.total_cmp(&a.0));
+    timed
+}
+
+/// The neighbours of the fastest candidate so far; none where it has no entry cost to change.
+pub(super) fn other_entries(candidates: &[Candidate], weights: &Weights, bounds: &Bounds, step: f64) -> Vec<Plan> {
+    let fastest = fastest(candidates, weights, bounds);
+    fastest.first().map_or_else(Vec::new, |(_, best)| neighbours(&best.plan, step))
 }
 
 fn neighbours(plan: &Plan, step: f64) -> Vec<Plan> {
@@ -44,6 +72,27 @@ fn neighbours(plan: &Plan, step: f64) -> Vec<Plan> {
         near
     };
     [1.0 / step, step].map(near).to_vec()
+}
+
+/// The fastest candidates so far along other axes, where they are not clearly slower than the fastest or the input.
+pub(super) fn other_axes(
+    candidates: &[Candidate],
+    weights: &Weights,
+    bounds: &Bounds,
+    of: usize,
+    ways: usize,
+) -> Vec<Candidate> {
+    let fastest = fastest(candidates, weights, bounds);
+    let least = NEAR_FASTEST * fastest.first().map_or(1.0, |(speed, _)| speed.max(1.0));
+    let near = fastest.into_iter().take(of).filter(|(speed, _)| *speed >= least);
+    near.flat_map(|(_, candidate)| (1..=ways).map(|i| turned(candidate, i * STRIDE % usize::from(WAYS)))).collect()
+}
+
+/// A candidate along other axes, which costs as much as far as anyone can tell.
+fn turned(candidate: &Candidate, axes: usize) -> Candidate {
+    let laid = Laid { axes: axes as u8, ..candidate.laid.clone() };
+    let plan = Plan { name: format!("{}{ALONG}{axes}", candidate.plan.name), ..candidate.plan.clone() };
+    Candidate { plan, laid, lap: None, seconds: 0.0, outcome: String::new(), ..*candidate }
 }
 
 #[cfg(test)]
@@ -70,11 +119,23 @@ mod tests {
     fn what_has_no_entry_cost_has_no_neighbours() {
         assert!(neighbours(&plan(Method::Single, 10.0), 1.25).is_empty());
         assert!(neighbours(&plan(Method::Cluster, PROHIBITIVE), 1.25).is_empty());
-        assert!(plans(&[], &Weights::default(), 0).is_empty());
     }
 
     #[test]
-    fn only_much_effort_refines() {
-        assert_eq!([0, 4, 5, 6].map(|level| rounds(Effort::new(level))), [0, 0, 2, 4]);
+    fn more_effort_refines_more() {
+        let tried = |round: &Round| match round {
+            Round::Entry(_) => 2,
+            Round::Axes { of, ways } => of * ways,
+        };
+        let counts = [0, 2, 3, 4, 5, 6].map(|level| rounds(Effort::new(level)).iter().map(tried).sum::<usize>());
+        assert_eq!(counts[..2], [0, 0]);
+        assert!(counts[1..].windows(2).all(|c| c[0] < c[1]), "{counts:?}");
+    }
+
+    #[test]
+    fn all_ways_are_tried_once() {
+        let mut ways: Vec<usize> = (0..usize::from(WAYS)).map(|i| i * STRIDE % usize::from(WAYS)).collect();
+        ways.sort_unstable();
+        assert!(ways.into_iter().eq(0..usize::from(WAYS)));
     }
 }

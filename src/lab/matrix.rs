@@ -9,7 +9,8 @@ use crate::layout::{self, Cache};
 use crate::scene::Scene;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
 use crate::verify::rays::{self, RayKind, Rays};
-use crate::verify::{Lap, Machine, race_on_cpu};
+use crate::verify::weights::Weights;
+use crate::verify::{Lap, Machine, VerifyOptions, race_on_cpu};
 
 /// Layouts that come to the same, by the names of their plans.
 struct Entry {
@@ -37,9 +38,11 @@ pub(super) fn measure(
     let mut rows: Vec<Row> = entries.iter().map(|entry| predict(name, scene, entry, &rays, class)).collect();
 
     let scene_of = |i: usize| entries[i].laid.written(scene);
-    let laps = match machine.race(scene, entries.len(), scene_of, &config.verify) {
+    // Prices are fitted to all kinds of rays, whatever they count for elsewhere.
+    let verify = VerifyOptions { weights: Weights([1.0; 4]), ..config.verify.clone() };
+    let laps = match machine.race(scene, entries.len(), scene_of, &verify) {
         Some(laps) => laps?,
-        None => race_on_cpu(scene, entries.len(), scene_of, &config.verify).into_iter().map(Ok).collect(),
+        None => race_on_cpu(scene, entries.len(), scene_of, &verify).into_iter().map(Ok).collect(),
     };
     let (device, kind) = machine.name();
     for (row, lap) in rows.iter_mut().zip(laps) {

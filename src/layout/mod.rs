@@ -1,5 +1,6 @@
 //! Layouts: which triangles share a BLAS. One method a file, each a pure function `(&Scene, &Options) -> Layout`.
 
+mod axes;
 mod builder;
 mod bvh;
 mod check;
@@ -20,6 +21,7 @@ mod stored;
 #[cfg(test)]
 mod test_scenes;
 
+pub(crate) use axes::{WAYS, turn_axes};
 pub use cluster::{Cache, looseness};
 pub use order::{order_by_tree, order_for_good};
 pub use parts::{isolates, opacities_differ};

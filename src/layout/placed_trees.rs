@@ -4,7 +4,7 @@
 
 use glam::DMat3;
 
-use super::{Content, GroupGeometry};
+use super::{Content, GroupGeometry, axes};
 use crate::cost::tree::Tree;
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
@@ -28,11 +28,11 @@ impl PlacedTrees {
     }
 
     /// The tree of a baked group, whose item `i` is the group's triangle `i`: what is left of a known one without the
-    /// triangles that the group lacks. `None` where there is none in the frame of the group, or the group holds other
+    /// triangles that the group lacks. `None` where there is none along the axes of the group's frame, or the group holds other
     /// triangles, or less than half of the known ones, which are better given a tree of their own.
     pub fn of_group(&self, scene: &Scene, content: &Content) -> Option<Tree> {
         let Content::Baked { frame, geometries } = content else { return None };
-        let (_, known) = self.trees.iter().find(|(rotation, _)| *rotation == frame.matrix3)?;
+        let (_, known) = self.trees.iter().find(|(rotation, _)| axes::are_alike(rotation, &frame.matrix3))?;
         let count: usize = geometries.iter().map(|g| g.triangles.len()).sum();
         if 2 * count < self.len() {
             return None;

@@ -2,7 +2,7 @@
 
 use super::build::Built;
 use super::cpu::{CpuTracer, TwoLevel};
-use super::rays::{self, RayKind};
+use super::rays::{self, Ray, RayKind};
 use super::speed::{self, KindSpeed, Kinds};
 use super::tracing::seen_by;
 #[cfg(feature = "vulkan")]
@@ -19,8 +19,9 @@ pub struct Lap {
     pub built: Option<Built>,
 }
 
-/// Times contenders one after the other, each in turns with `before`. `enter` makes the tracer of the contender of a
-/// number, or says why it cannot take part. Rays are those of `before`, as a verification times them.
+/// Times contenders one after the other, each in turns with `before`, by the kinds of rays that count anything. `enter`
+/// makes the tracer of the contender of a number, or says why it cannot take part. Rays are those of `before`, as a
+/// verification times them, but no more of a kind than can be traced time and again, unless their number is given.
 ///
 /// # Errors
 /// Those of the tracer of `before`.
@@ -32,7 +33,15 @@ pub(super) fn race<T: Tracer>(
     options: &VerifyOptions,
 ) -> Result<Vec<Result<Lap, T::Error>>, T::Error> {
     let count = before.pace().timed(options);
-    let rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
+    let mut rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
+    for ((kind, rays), weight) in RayKind::ALL.into_iter().zip(&mut rays.kinds).zip(options.weights.0) {
+        if weight == 0.0 {
+            rays.clear();
+        } else if options.timed_rays_per_kind.is_none() {
+            *rays = affordable(before, kind, std::mem::take(rays))?;
+        }
+    }
+    let rays = rays;
     let prepared = rays.kinds.iter().map(|rays| before.prepare(rays)).collect::<Result<Vec<_>, _>>()?;
     let lap = |i| {
         let tracer = enter(i)?;
@@ -48,6 +57,32 @@ pub(super) fn race<T: Tracer>(
     let mut laps: Vec<Result<Lap, T::Error>> = (0..contenders).map(lap).collect();
     level(&mut laps);
     Ok(laps)
+}
+
+/// Seconds that a kind of rays may take through the input.
+const MOST_SECONDS: f64 = 0.02;
+
+/// Rays that keep a device busy: no fewer are timed for the sake of time.
+const FEWEST_RAYS: usize = 1 << 20;
+
+/// Rays that stay together, as neighbours that a device traces in step.
+const TOGETHER: usize = 1 << 10;
+
+/// As many of the rays as do not take too long, spread over all of them.
+fn affordable<T: Tracer>(tracer: &T, kind: RayKind, rays: Vec<Ray>) -> Result<Vec<Ray>, T::Error> {
+    if rays.len() <= FEWEST_RAYS {
+        return Ok(rays);
+    }
+    let share = MOST_SECONDS / tracer.seconds(kind, &tracer.prepare(&rays)?)?;
+    let count = (rays.len() as f64 * share).max(FEWEST_RAYS as f64) as usize;
+    Ok(if count < rays.len() { spread(&rays, count) } else { rays })
+}
+
+/// About `count` rays, in groups of neighbours that lie evenly among all.
+fn spread(rays: &[Ray], count: usize) -> Vec<Ray> {
+    let groups: Vec<&[Ray]> = rays.chunks(TOGETHER).collect();
+    let wanted = count.div_ceil(TOGETHER).min(groups.len());
+    (0..wanted).flat_map(|i| groups[i * groups.len() / wanted]).copied().collect()
 }
 
 /// As [`Machine::race`] on the CPU, whose speeds tell nothing of a device.
@@ -149,6 +184,7 @@ mod tests {
     use std::convert::Infallible;
 
     use super::super::test_scenes;
+    use super::super::weights::Weights;
     use super::*;
 
     #[test]
@@ -178,14 +214,28 @@ mod tests {
     }
 
     #[test]
-    fn every_contender_is_timed_with_every_kind_of_rays() {
+    fn every_contender_is_timed_with_the_kinds_of_rays_that_count() {
         let scene = test_scenes::room();
         let trees = TwoLevel::build(&scene);
-        let options = VerifyOptions { rays_per_kind: 64, repeats: 3, ..VerifyOptions::default() };
-        let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, |_| Ok(CpuTracer::new(&trees)), &options);
-        assert_eq!(laps.len(), 2);
-        for Ok(lap) in laps {
-            assert!(lap.kinds.named().iter().all(|(_, k)| k.after_mrays_per_s > 0.0 && k.speedup_ratio > 0.0));
+        for weights in [[1.0; 4], [1.0, 0.0, 2.0, 0.0]] {
+            let weights = Weights(weights);
+            let options = VerifyOptions { rays_per_kind: 64, repeats: 3, weights, ..VerifyOptions::default() };
+            let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, |_| Ok(CpuTracer::new(&trees)), &options);
+            assert_eq!(laps.len(), 2);
+            for Ok(lap) in laps {
+                let kinds = lap.kinds.named().map(|(_, k)| k.after_mrays_per_s > 0.0);
+                assert_eq!(kinds, weights.0.map(|weight| weight > 0.0));
+            }
         }
+    }
+
+    #[test]
+    fn rays_are_left_out_in_groups_spread_over_all() {
+        let ray = |i: usize| Ray::endless(glam::DVec3::X * i as f64, glam::DVec3::Z);
+        let rays: Vec<Ray> = (0..10 * TOGETHER + 5).map(ray).collect();
+        let some = spread(&rays, 3 * TOGETHER);
+        let starts: Vec<usize> = some.chunks(TOGETHER).map(|group| group[0].origin.x as usize / TOGETHER).collect();
+        assert_eq!((some.len(), starts), (3 * TOGETHER, vec![0, 3, 7]));
+        assert_eq!(spread(&rays, 20 * TOGETHER), rays);
     }
 }

@@ -1,0 +1,101 @@
+//! Frames whose axes change places.
+//!
+//! The boxes of triangles are the same along axes that are exchanged or turned over, and no coordinate is rounded. Still a
+//! driver builds another tree: orders along a Morton curve and ties depend on which axis comes first and where it points.
+//! Which way is fastest can only be measured.
+
+use glam::{DMat3, DVec3};
+
+use super::{Content, Layout};
+
+/// Ways to lay three axes along three axes without mirroring.
+pub(crate) const WAYS: u8 = 24;
+
+/// One of the ways: a rotation of which each column is an axis, or its opposite. The first is the identity.
+pub(super) fn way(number: u8) -> DMat3 {
+    let (first, second, signs) = (number / 8 % 3, number / 4 % 2, number % 4);
+    let axis = |i: u8| DVec3::AXES[usize::from(i % 3)];
+    let sign = |negative: bool| if negative { -1.0 } else { 1.0 };
+    let x = axis(first) * sign(signs & 1 > 0);
+    let y = axis(first + 1 + second) * sign(signs & 2 > 0);
+    DMat3::from_cols(x, y, x.cross(y))
+}
+
+/// Whether frames have the same axes, but for their places and signs.
+pub(super) fn are_alike(a: &DMat3, b: &DMat3) -> bool {
+    (0..WAYS).any(|number| *a * way(number) == *b)
+}
+
+/// Lays the axes of all groups that are rewritten along those of their frames in one of the ways; 0 changes nothing.
+pub(crate) fn turn_axes(layout: &mut Layout, number: u8) {
+    let turn = way(number);
+    for group in &mut layout.groups {
+        match &mut group.content {
+            Content::Kept(_) => {}
+            Content::Piece { frame, .. } | Content::Baked { frame, .. } => frame.matrix3 *= turn,
+        }
+    }
+    for placement in &mut layout.placements {
+        if !matches!(layout.groups[placement.group as usize].content, Content::Kept(_)) {
+            placement.transform.matrix3 *= turn;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_scenes::*;
+    use super::super::{GroupGeometry, Method, Options, run, stored};
+    use super::*;
+    use crate::scene::{Scene, TriangleRef};
+    use glam::{DAffine3, Vec3};
+
+    #[test]
+    fn every_way_is_another_rotation_and_the_first_does_nothing() {
+        let ways: Vec<DMat3> = (0..WAYS).map(way).collect();
+        assert_eq!(ways[0], DMat3::IDENTITY);
+        for (i, a) in ways.iter().enumerate() {
+            assert_eq!(a.determinant(), 1.0);
+            assert_eq!(*a * a.transpose(), DMat3::IDENTITY);
+            assert!(!ways[..i].contains(a));
+            assert!(are_alike(a, &ways[0]));
+        }
+        assert!(!are_alike(&DMat3::from_rotation_z(0.1), &DMat3::IDENTITY));
+    }
+
+    #[test]
+    fn groups_are_stored_along_other_axes_and_placed_as_before() {
+        let mut builder = SceneBuilder::default();
+        builder.object("row", 0, row(Vec3::new(1.0, 2.0, 3.0), 20));
+        let scene = builder.scene();
+        for method in [Method::Single, Method::Keep] {
+            let mut layout = run(method, &scene, &Options::default());
+            let before = stored(&scene, &layout);
+            turn_axes(&mut layout, 9);
+            assert_eq!(layout.check(&scene), Ok(()));
+            let after = stored(&scene, &layout);
+            assert_eq!(after.meshes[0].bounds() == before.meshes[0].bounds(), method == Method::Keep);
+            let corners = |scene: &Scene| {
+                (0..20).map(|triangle| scene.world_corners(TriangleRef { instance: 0, triangle })).collect::<Vec<_>>()
+            };
+            assert_eq!(corners(&after), corners(&before));
+        }
+    }
+
+    #[test]
+    fn pieces_of_instances_are_turned_too() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("row", vec![(0, row(Vec3::new(1.0, 2.0, 3.0), 20))]);
+        for i in 0..3 {
+            builder.place(mesh, "placed", DAffine3::from_translation(DVec3::X * f64::from(i)));
+        }
+        let scene = builder.scene();
+        let mut layout = run(Method::Keep, &scene, &Options::default());
+        let triangles = (0..20).map(|triangle| TriangleRef { instance: 0, triangle }).collect();
+        let geometries = vec![GroupGeometry { triangles, ..GroupGeometry::default() }];
+        layout.groups[0].content = Content::Piece { mesh, frame: DAffine3::IDENTITY, geometries };
+        turn_axes(&mut layout, 17);
+        assert_eq!(layout.check(&scene), Ok(()));
+        assert!(layout.placements.iter().all(|p| p.transform.matrix3 == way(17)));
+    }
+}
