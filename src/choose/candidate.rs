@@ -1,7 +1,7 @@
 //! A layout in the running.
 
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use super::model::Ranking;
@@ -12,10 +12,10 @@ use crate::emit;
 use crate::layout::{self, Cache, Content, Layout, PlacedTrees};
 use crate::report::{self, Pass};
 use crate::scene::{Bounds, Pinned, Scene};
-use crate::verify::Lap;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::TwoLevel;
-use crate::verify::weights::Weights;
+use crate::verify::weights::{Overall, Weights};
+use crate::verify::{Care, Lap};
 
 /// A candidate and what is known of it.
 pub(super) struct Candidate {
@@ -29,8 +29,8 @@ pub(super) struct Candidate {
     pub(super) largest_group: usize,
     /// Longest side of the world box of such a group, in world units; 0 where the user sets no bound on it.
     pub(super) longest_group: f64,
-    /// How it did on a device.
-    pub(super) lap: Option<Lap>,
+    /// How it did on a device, and how carefully that was measured.
+    pub(super) lap: Option<(Lap, Care)>,
     pub(super) seconds: f64,
     /// Why it was chosen or not.
     pub(super) outcome: String,
@@ -50,12 +50,38 @@ pub(crate) struct Laid {
     pub(crate) position_error_ratio: f64,
 }
 
+/// The scene of a layout before its axes are turned.
+pub(super) struct Straight {
+    of: Arc<Layout>,
+    scene: Scene,
+    /// For each mesh whether it is new.
+    is_rewritten: Vec<bool>,
+}
+
+impl Straight {
+    fn new(scene: &Scene, of: &Arc<Layout>) -> Straight {
+        let mut layout = Layout::clone(of);
+        layout::order_by_tree(scene, &mut layout);
+        let is_rewritten = layout.groups.iter().map(|g| !matches!(g.content, Content::Kept(_))).collect();
+        Straight { of: of.clone(), scene: layout::stored(scene, &layout), is_rewritten }
+    }
+}
+
 impl Laid {
     /// The scene as it would be written: the order of triangles matters to some drivers.
     pub(crate) fn written(&self, scene: &Scene) -> Scene {
-        let mut layout = self.turned();
-        layout::order_by_tree(scene, &mut layout);
-        layout::stored(scene, &layout)
+        self.written_after(scene, &Mutex::default())
+    }
+
+    /// As [`Laid::written`], made of the last one where that differs by its axes alone.
+    pub(super) fn written_after(&self, scene: &Scene, last: &Mutex<Option<Straight>>) -> Scene {
+        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = last.take().filter(|known| Arc::ptr_eq(&known.of, &self.layout));
+        let straight = known.unwrap_or_else(|| Straight::new(scene, &self.layout));
+        let mut written = straight.scene.clone();
+        layout::turn_stored(&mut written, &straight.is_rewritten, self.axes);
+        *last = Some(straight);
+        written
     }
 
     /// The layout with its axes turned.
@@ -123,9 +149,14 @@ impl Candidate {
         emit::is_unchanged(&self.laid.layout)
     }
 
+    /// Its speed over that of the input, where it was timed.
+    pub(super) fn speed(&self, weights: &Weights) -> Option<Overall> {
+        self.lap.as_ref().map(|(lap, _)| weights.overall(&lap.kinds))
+    }
+
     /// Its entry in the report.
     pub(super) fn report(&self, weights: &Weights) -> report::Candidate {
-        let overall = self.lap.as_ref().map(|lap| weights.overall(&lap.kinds));
+        let overall = self.speed(weights);
         report::Candidate {
             name: self.plan.name.clone(),
             predicted_cost: self.predicted_cost,

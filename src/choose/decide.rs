@@ -3,6 +3,7 @@
 use super::candidate::Candidate;
 use super::plans::Effort;
 use crate::layout::Method;
+use crate::verify::Care;
 use crate::verify::weights::Weights;
 
 /// A candidate that was only predicted must cost less than this share of the input to be worth a change.
@@ -91,7 +92,8 @@ impl Bounds {
 }
 
 fn fastest(candidates: &[Candidate], weights: &Weights, allowed: &[bool]) -> (usize, String) {
-    let overall = |i: usize| candidates[i].lap.as_ref().map(|lap| weights.overall(&lap.kinds));
+    let is_sure = |i: usize| candidates[i].lap.as_ref().is_some_and(|(_, care)| *care == Care::Full);
+    let overall = |i: usize| candidates[i].speed(weights).filter(|_| is_sure(i));
     let faster = (0..candidates.len()).filter(|&i| allowed[i]).filter_map(|i| {
         let overall = overall(i)?;
         (overall.is_faster() && overall.speedup_ratio > 1.0 + EQUAL).then_some((i, overall.speedup_ratio))

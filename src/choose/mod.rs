@@ -15,7 +15,7 @@ pub(crate) mod segments;
 
 pub(crate) use candidate::as_built;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ use crate::scene::Scene;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
-use crate::verify::{Machine, VerifyOptions};
+use crate::verify::{Care, Machine, VerifyOptions};
 use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
@@ -173,7 +173,7 @@ fn best(scene: &mut Scene, choosing: &Choosing, input: &Metrics) -> Chosen {
     let (mut candidates, placed) = choosing.evaluate(scene, &plans);
     let start = Instant::now();
     let contenders = decide::contenders(&candidates, options.effort);
-    let mut raced = choosing.race(scene, &mut candidates, &contenders);
+    let mut raced = choosing.race(scene, &mut candidates, &contenders, Care::Full);
     if let Ok(count) = &mut raced {
         *count += choosing.refine(scene, &mut candidates, &bounds);
     }
@@ -225,17 +225,18 @@ impl Choosing<'_> {
     }
 
     /// Times the candidates chosen on the device, if there is one; gives their number, or why there are none.
-    fn race(&self, scene: &Scene, candidates: &mut [Candidate], chosen: &[usize]) -> Result<usize, String> {
+    fn race(&self, scene: &Scene, candidates: &mut [Candidate], chosen: &[usize], care: Care) -> Result<usize, String> {
         if chosen.is_empty() {
             return Err("no candidate differs from the input".to_owned());
         }
-        let scene_of = |i: usize| candidates[chosen[i]].laid.written(scene);
-        let laps = self.machine.race(scene, chosen.len(), scene_of, self.verify);
+        let last = Mutex::default();
+        let scene_of = |i: usize| candidates[chosen[i]].laid.written_after(scene, &last);
+        let laps = self.machine.race(scene, chosen.len(), scene_of, care, self.verify);
         let mut count = 0;
         for (&i, lap) in chosen.iter().zip(laps.ok_or("no device traces rays: the model decides")??) {
             match lap {
                 Ok(lap) => {
-                    candidates[i].lap = Some(lap);
+                    candidates[i].lap = Some((lap, care));
                     count += 1;
                 }
                 Err(why) => candidates[i].outcome = why,
@@ -258,7 +259,13 @@ impl Choosing<'_> {
             };
             near.retain(|new| !candidates.iter().any(|known| known.laid.is_same(&new.laid)));
             let all: Vec<usize> = (0..near.len()).collect();
-            count += self.race(scene, &mut near, &all).unwrap_or(0);
+            let care = if matches!(round, Round::Axes { .. }) { Care::Brief } else { Care::Full };
+            count += self.race(scene, &mut near, &all, care).unwrap_or(0);
+            if care == Care::Brief {
+                let best = refine::worth_a_closer_look(candidates, &near, weights);
+                // None of them is less well known than before if that fails.
+                let _ = self.race(scene, &mut near, &best, Care::Full);
+            }
             candidates.extend(near);
         }
         count

@@ -30,6 +30,10 @@ const ALONG: &str = ", axes ";
 /// Candidates slower than this share of the fastest are not worth other axes.
 const NEAR_FASTEST: f64 = 0.95;
 
+/// Candidates timed briefly that are timed again, if they take no less than this share of the fastest speed so far.
+const LOOKED_AT_CLOSELY: usize = 3;
+const PROMISING: f64 = 0.995;
+
 /// A step through all ways to lay axes, coprime to their number, so that the first few differ much.
 const STRIDE: usize = 7;
 
@@ -38,16 +42,16 @@ pub(super) fn rounds(effort: Effort) -> &'static [Round] {
     use Round::{Axes, Entry};
     match effort.level() {
         ..3 => &[],
-        3 => &[Axes { of: 2, ways: 6 }],
-        4 => &[Axes { of: 2, ways: 11 }],
-        5 => &[Entry(1.3), Entry(1.15), Axes { of: 2, ways: 23 }],
-        _ => &[Entry(1.3), Entry(1.15), Entry(1.07), Entry(1.5), Axes { of: 4, ways: 23 }],
+        3 => &[Axes { of: 3, ways: 8 }],
+        4 => &[Axes { of: 3, ways: 11 }],
+        5 => &[Entry(1.3), Entry(1.15), Axes { of: 3, ways: 23 }],
+        _ => &[Entry(1.3), Entry(1.15), Entry(1.07), Entry(1.5), Axes { of: 5, ways: 23 }],
     }
 }
 
 /// The candidates that were timed and may be taken, fastest first.
 fn fastest<'c>(candidates: &'c [Candidate], weights: &Weights, bounds: &Bounds) -> Vec<(f64, &'c Candidate)> {
-    let speed = |c: &'c Candidate| Some((weights.overall(&c.lap.as_ref()?.kinds).speedup_ratio, c));
+    let speed = |c: &'c Candidate| Some((c.speed(weights)?.speedup_ratio, c));
     let allowed = bounds.allow(candidates).into_iter();
     let mut timed: Vec<_> = candidates.iter().zip(allowed).filter(|c| c.1).filter_map(|c| speed(c.0)).collect();
     timed.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -86,6 +90,17 @@ pub(super) fn other_axes(
     let least = NEAR_FASTEST * fastest.first().map_or(1.0, |(speed, _)| speed.max(1.0));
     let near = fastest.into_iter().take(of).filter(|(speed, _)| *speed >= least);
     near.flat_map(|(_, candidate)| (1..=ways).map(|i| turned(candidate, i * STRIDE % usize::from(WAYS)))).collect()
+}
+
+/// Of candidates that were timed briefly the best few, where they may be the fastest of all: their indices.
+pub(super) fn worth_a_closer_look(candidates: &[Candidate], near: &[Candidate], weights: &Weights) -> Vec<usize> {
+    let speed = |c: &Candidate| c.speed(weights).map(|overall| overall.speedup_ratio);
+    let fastest = candidates.iter().filter_map(speed).fold(1.0, f64::max);
+    let mut timed: Vec<(f64, usize)> = near.iter().enumerate().filter_map(|(i, c)| Some((speed(c)?, i))).collect();
+    timed.retain(|(speed, _)| *speed >= PROMISING * fastest);
+    timed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    timed.truncate(LOOKED_AT_CLOSELY);
+    timed.into_iter().map(|(_, i)| i).collect()
 }
 
 /// A candidate along other axes, which costs as much as far as anyone can tell.

@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
 use crate::verify::rays::{self, RayKind, Rays};
 use crate::verify::weights::Weights;
-use crate::verify::{Lap, Machine, VerifyOptions, race_on_cpu};
+use crate::verify::{Care, Lap, Machine, VerifyOptions, race_on_cpu};
 
 /// Layouts that come to the same, by the names of their plans.
 struct Entry {
@@ -40,7 +40,7 @@ pub(super) fn measure(
     let scene_of = |i: usize| entries[i].laid.written(scene);
     // Prices are fitted to all kinds of rays, whatever they count for elsewhere.
     let verify = VerifyOptions { weights: Weights([1.0; 4]), ..config.verify.clone() };
-    let laps = match machine.race(scene, entries.len(), scene_of, &verify) {
+    let laps = match machine.race(scene, entries.len(), scene_of, Care::Full, &verify) {
         Some(laps) => laps?,
         None => race_on_cpu(scene, entries.len(), scene_of, &verify).into_iter().map(Ok).collect(),
     };

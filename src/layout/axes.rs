@@ -7,6 +7,7 @@
 use glam::{DMat3, DVec3};
 
 use super::{Content, Layout};
+use crate::scene::Scene;
 
 /// Ways to lay three axes along three axes without mirroring.
 pub(crate) const WAYS: u8 = 24;
@@ -42,12 +43,25 @@ pub(crate) fn turn_axes(layout: &mut Layout, number: u8) {
     }
 }
 
+/// The same for the scene that a layout comes to ([`super::stored`]), of which the meshes that are rewritten are told.
+pub(crate) fn turn_stored(scene: &mut Scene, is_rewritten: &[bool], number: u8) {
+    let turn = way(number);
+    let back = turn.transpose();
+    for (mesh, _) in scene.meshes.iter_mut().zip(is_rewritten).filter(|(_, rewritten)| **rewritten) {
+        let positions = mesh.geometries.iter_mut().flat_map(|g| &mut g.positions);
+        positions.for_each(|p| *p = (back * p.as_dvec3()).as_vec3());
+    }
+    for instance in scene.instances.iter_mut().filter(|i| is_rewritten[i.mesh.0 as usize]) {
+        instance.transform.matrix3 *= turn;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::test_scenes::*;
     use super::super::{GroupGeometry, Method, Options, run, stored};
     use super::*;
-    use crate::scene::{Scene, TriangleRef};
+    use crate::scene::TriangleRef;
     use glam::{DAffine3, Vec3};
 
     #[test]
@@ -66,7 +80,8 @@ mod tests {
     #[test]
     fn groups_are_stored_along_other_axes_and_placed_as_before() {
         let mut builder = SceneBuilder::default();
-        builder.object("row", 0, row(Vec3::new(1.0, 2.0, 3.0), 20));
+        builder.object("row", 0, row(Vec3::new(1.0, 2.0, 3.0), 10));
+        builder.object("other row", 0, row(Vec3::new(5.0, 2.0, 4.0), 10));
         let scene = builder.scene();
         for method in [Method::Single, Method::Keep] {
             let mut layout = run(method, &scene, &Options::default());
@@ -76,9 +91,13 @@ mod tests {
             let after = stored(&scene, &layout);
             assert_eq!(after.meshes[0].bounds() == before.meshes[0].bounds(), method == Method::Keep);
             let corners = |scene: &Scene| {
-                (0..20).map(|triangle| scene.world_corners(TriangleRef { instance: 0, triangle })).collect::<Vec<_>>()
+                (0..10).map(|triangle| scene.world_corners(TriangleRef { instance: 0, triangle })).collect::<Vec<_>>()
             };
             assert_eq!(corners(&after), corners(&before));
+            let mut turned = before.clone();
+            turn_stored(&mut turned, &[method == Method::Single], 9);
+            assert_eq!(turned.meshes[0].geometries[0].positions, after.meshes[0].geometries[0].positions);
+            assert_eq!(turned.instances[0].transform, after.instances[0].transform);
         }
     }
 
@@ -92,7 +111,7 @@ mod tests {
         let scene = builder.scene();
         let mut layout = run(Method::Keep, &scene, &Options::default());
         let triangles = (0..20).map(|triangle| TriangleRef { instance: 0, triangle }).collect();
-        let geometries = vec![GroupGeometry { triangles, ..GroupGeometry::default() }];
+        let geometries = vec![GroupGeometry { material: Some(0), triangles, ..GroupGeometry::default() }];
         layout.groups[0].content = Content::Piece { mesh, frame: DAffine3::IDENTITY, geometries };
         turn_axes(&mut layout, 17);
         assert_eq!(layout.check(&scene), Ok(()));

@@ -21,7 +21,7 @@ mod stored;
 #[cfg(test)]
 mod test_scenes;
 
-pub(crate) use axes::{WAYS, turn_axes};
+pub(crate) use axes::{WAYS, turn_axes, turn_stored};
 pub use cluster::{Cache, looseness};
 pub use order::{order_by_tree, order_for_good};
 pub use parts::{isolates, opacities_differ};

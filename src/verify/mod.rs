@@ -34,7 +34,7 @@ use compare::Comparison;
 use cpu::{CpuTracer, Reference, TwoLevel};
 pub use device::{DeviceChoice, DeviceError, Machine, MachineKind};
 use identity::Identity;
-pub use race::{Lap, race_on_cpu};
+pub use race::{Care, Lap, race_on_cpu};
 use surface::Surfaces;
 pub use tracing::{Pace, Tracer, Tracers};
 pub use verdict::Verification;

@@ -19,6 +19,25 @@ pub struct Lap {
     pub built: Option<Built>,
 }
 
+/// How carefully contenders are timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Care {
+    /// As a verification times.
+    Full,
+    /// With a quarter of the rays and three repeats: enough to tell which of many deserve more.
+    Brief,
+}
+
+impl Care {
+    fn rays(self, rays: u32) -> u32 {
+        if self == Care::Brief { rays.div_ceil(4) } else { rays }
+    }
+
+    fn repeats(self, repeats: u32) -> u32 {
+        if self == Care::Brief { repeats.min(3) } else { repeats }
+    }
+}
+
 /// Times contenders one after the other, each in turns with `before`, by the kinds of rays that count anything. `enter`
 /// makes the tracer of the contender of a number, or says why it cannot take part. Rays are those of `before`, as a
 /// verification times them, but no more of a kind than can be traced time and again, unless their number is given.
@@ -30,9 +49,10 @@ pub(super) fn race<T: Tracer>(
     before: &T,
     contenders: usize,
     enter: impl Fn(usize) -> Result<T, T::Error>,
+    care: Care,
     options: &VerifyOptions,
 ) -> Result<Vec<Result<Lap, T::Error>>, T::Error> {
-    let count = before.pace().timed(options);
+    let count = care.rays(before.pace().timed(options));
     let mut rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
     for ((kind, rays), weight) in RayKind::ALL.into_iter().zip(&mut rays.kinds).zip(options.weights.0) {
         if weight == 0.0 {
@@ -48,7 +68,7 @@ pub(super) fn race<T: Tracer>(
         let mut kinds = Kinds::default();
         for ((kind, rays), prepared) in RayKind::ALL.into_iter().zip(&rays.kinds).zip(&prepared) {
             if !rays.is_empty() {
-                let times = speed::times(kind, prepared, [before, &tracer], options.repeats)?;
+                let times = speed::times(kind, prepared, [before, &tracer], care.repeats(options.repeats))?;
                 *kinds.of(kind) = KindSpeed::in_turns(rays.len(), times);
             }
         }
@@ -97,7 +117,7 @@ pub fn race_on_cpu(
     // One at a time, so that the trees of one contender are gone before those of the next are built.
     let lap = |i| {
         let trees = TwoLevel::build(&scene_of(i));
-        let Ok(laps) = race(before, &first, 1, |_| Ok(CpuTracer::new(&trees)), options);
+        let Ok(laps) = race(before, &first, 1, |_| Ok(CpuTracer::new(&trees)), Care::Full, options);
         laps.into_iter().map(|lap| lap.unwrap_or_else(|never| match never {}))
     };
     (0..contenders).flat_map(lap).collect()
@@ -147,6 +167,7 @@ impl Machine {
         before: &Scene,
         contenders: usize,
         scene_of: impl Fn(usize) -> Scene + Sync,
+        care: Care,
         options: &VerifyOptions,
     ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
         let device = self.device.as_ref()?;
@@ -155,9 +176,9 @@ impl Machine {
             let first = build(before)?;
             match device.info().is_software {
                 // What is prepared beside it would slow it down.
-                true => race(before, &first, contenders, |i| build(&scene_of(i)), options),
+                true => race(before, &first, contenders, |i| build(&scene_of(i)), care, options),
                 false => prepared_ahead(contenders, scene_of, |next| {
-                    race(before, &first, contenders, |_| build(&next()), options)
+                    race(before, &first, contenders, |_| build(&next()), care, options)
                 }),
             }
         });
@@ -173,6 +194,7 @@ impl Machine {
         _: &Scene,
         _: usize,
         _: impl Fn(usize) -> Scene + Sync,
+        _: Care,
         _: &VerifyOptions,
     ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
         None
@@ -220,7 +242,8 @@ mod tests {
         for weights in [[1.0; 4], [1.0, 0.0, 2.0, 0.0]] {
             let weights = Weights(weights);
             let options = VerifyOptions { rays_per_kind: 64, repeats: 3, weights, ..VerifyOptions::default() };
-            let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, |_| Ok(CpuTracer::new(&trees)), &options);
+            let enter = |_| Ok(CpuTracer::new(&trees));
+            let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, enter, Care::Brief, &options);
             assert_eq!(laps.len(), 2);
             for Ok(lap) in laps {
                 let kinds = lap.kinds.named().map(|(_, k)| k.after_mrays_per_s > 0.0);

@@ -34,6 +34,10 @@ const PARTNERS: usize = 8;
 /// Directions in which the outermost points of a part stand for it.
 const DIRECTIONS: usize = 25;
 
+/// So many pieces at most may be as joining leaves them: a smaller sum of areas does not always mean that fewer of so few
+/// are met.
+const MOST_JOINED: usize = 8;
+
 /// A turned box must have less than this share of the area of the one along the axes of the mesh.
 const WORTH_A_TURN: f64 = 0.97;
 
@@ -56,15 +60,12 @@ pub(super) fn levels(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: 
         None => PIECES.into_iter().rev().step_by(every).collect(),
     };
     let wanted: Vec<usize> = wanted.into_iter().filter(|&k| k <= most && (k > 1 || turns)).collect();
-    let mut levels: Vec<Vec<Piece>> = Vec::new();
-    for clusters in joined(mesh, tree, &wanted, turns) {
-        let pieces: Vec<Piece> = clusters.into_iter().map(|c| c.piece(mesh, turns)).collect();
-        let is_mesh = |p: &[Piece]| matches!(p, [one] if one.part.frame == DAffine3::IDENTITY);
-        if !is_mesh(&pieces) {
-            levels.push(pieces);
-        }
-    }
-    levels.reverse();
+    let few: Vec<usize> = wanted.iter().copied().filter(|k| (2..=MOST_JOINED).contains(k)).collect();
+    let joined = [(&few, false), (&wanted, true)].map(|(wanted, improves)| joined(mesh, tree, wanted, turns, improves));
+    let pieces = |clusters: Vec<Cluster>| clusters.into_iter().map(|c| c.piece(mesh, turns)).collect();
+    let mut levels: Vec<Vec<Piece>> = joined.into_iter().flatten().map(pieces).collect();
+    levels.retain(|pieces| !matches!(pieces.as_slice(), [one] if one.part.frame == DAffine3::IDENTITY));
+    levels.sort_by_key(Vec::len);
     levels
 }
 
@@ -83,7 +84,7 @@ pub(super) struct Cluster {
 /// The clusters for each wanted number of them, in descending order.
 ///
 /// What was joined is improved on the way, since joined parts never come apart again.
-pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], turns: bool) -> Vec<Vec<Cluster>> {
+pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], turns: bool, improves: bool) -> Vec<Vec<Cluster>> {
     let parts = Cuts::of_equal_parts(tree, PARTS);
     let mut clusters: Vec<Cluster> = parts.into_iter().map(|t| Cluster::new(mesh, t, turns)).collect();
     let mut found = Vec::new();
@@ -91,7 +92,7 @@ pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], turns: bool) -
         while clusters.len() > wanted.max(1) {
             let next = wanted.max(1).max((KEPT_AT_ONCE * clusters.len() as f64) as usize);
             clusters = Joining::new(clusters, turns).join_to(next);
-            if next <= FIRST_IMPROVED {
+            if improves && next <= FIRST_IMPROVED {
                 improve(mesh, &mut clusters, turns);
             }
         }
@@ -347,7 +348,7 @@ mod tests {
     fn every_number_of_pieces_holds_every_triangle_once() {
         let scene = rods(4, turned());
         let levels = of(&scene, true);
-        assert!(levels.len() > 5 && levels.windows(2).all(|l| l[0].len() < l[1].len()));
+        assert!(levels.len() > 5 && levels.is_sorted_by_key(Vec::len));
         for pieces in levels {
             let mut all: Vec<u32> = pieces.iter().flat_map(|p| p.part.triangles.clone()).collect();
             all.sort_unstable();

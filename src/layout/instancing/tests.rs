@@ -285,7 +285,8 @@ fn some_instances_are_opened_where_bytes_do_not_last_for_all() {
     let scene = knots(200, 0.6).scene();
     let candidates = Candidates::of(&scene, &choose(None));
     let plans = &candidates.meshes[0].plans;
-    let some = plans.iter().find(|p| p.baked == 0 && p.opened == 50 && p.level > 3).expect("there is such a plan");
+    let of_fifty = plans.iter().filter(|p| p.baked == 0 && p.opened == 50);
+    let some = of_fifty.max_by_key(|p| p.level).expect("there is such a plan");
     let selection = candidates.select(&scene, &[*some]);
     let mut builder = Builder::new(&scene);
     selection.place_left(&mut builder);
