@@ -95,7 +95,7 @@ mod tests {
             };
             assert_eq!(corners(&after), corners(&before));
             let mut turned = before.clone();
-            turn_stored(&mut turned, &[method == Method::Single], 9);
+            turn_stored(&mut turned, &vec![method == Method::Single; layout.groups.len()], 9);
             assert_eq!(turned.meshes[0].geometries[0].positions, after.meshes[0].geometries[0].positions);
             assert_eq!(turned.instances[0].transform, after.instances[0].transform);
         }
