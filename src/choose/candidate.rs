@@ -12,10 +12,10 @@ use crate::emit;
 use crate::layout::{self, Cache, Content, Layout, PlacedTrees};
 use crate::report::{self, Pass};
 use crate::scene::{Bounds, Pinned, Scene};
+use crate::verify::Lap;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
-use crate::verify::{Care, Lap};
 
 /// A candidate and what is known of it.
 pub(super) struct Candidate {
@@ -29,8 +29,10 @@ pub(super) struct Candidate {
     pub(super) largest_group: usize,
     /// Longest side of the world box of such a group, in world units; 0 where the user sets no bound on it.
     pub(super) longest_group: f64,
-    /// How it did on a device, and how carefully that was measured.
-    pub(super) lap: Option<(Lap, Care)>,
+    /// How it did on a device.
+    pub(super) lap: Option<Lap>,
+    /// Its speed over that of the input where it was timed briefly, which compares with others that were, and no more.
+    pub(super) brief: Option<f64>,
     pub(super) seconds: f64,
     /// Why it was chosen or not.
     pub(super) outcome: String,
@@ -139,6 +141,7 @@ impl Candidate {
             largest_group,
             longest_group,
             lap: None,
+            brief: None,
             seconds: 0.0,
             outcome: String::new(),
         }
@@ -151,7 +154,7 @@ impl Candidate {
 
     /// Its speed over that of the input, where it was timed.
     pub(super) fn speed(&self, weights: &Weights) -> Option<Overall> {
-        self.lap.as_ref().map(|(lap, _)| weights.overall(&lap.kinds))
+        self.lap.as_ref().map(|lap| weights.overall(&lap.kinds))
     }
 
     /// Its entry in the report.

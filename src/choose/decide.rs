@@ -3,7 +3,6 @@
 use super::candidate::Candidate;
 use super::plans::Effort;
 use crate::layout::Method;
-use crate::verify::Care;
 use crate::verify::weights::Weights;
 
 /// A candidate that was only predicted must cost less than this share of the input to be worth a change.
@@ -63,6 +62,7 @@ pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, bounds: &B
             candidate.outcome = match (measured, candidate.lap.is_some()) {
                 (true, true) => "measured to be slower, or not faster by more than the spread",
                 (true, false) if i == 0 => "another is faster",
+                (true, false) if candidate.brief.is_some() => "timed briefly to be slower than another of its kind",
                 (true, false) => "predicted to cost more than those that were measured",
                 (false, _) => "predicted not to cost clearly less",
             }
@@ -92,8 +92,7 @@ impl Bounds {
 }
 
 fn fastest(candidates: &[Candidate], weights: &Weights, allowed: &[bool]) -> (usize, String) {
-    let is_sure = |i: usize| candidates[i].lap.as_ref().is_some_and(|(_, care)| *care == Care::Full);
-    let overall = |i: usize| candidates[i].speed(weights).filter(|_| is_sure(i));
+    let overall = |i: usize| candidates[i].speed(weights);
     let faster = (0..candidates.len()).filter(|&i| allowed[i]).filter_map(|i| {
         let overall = overall(i)?;
         (overall.is_faster() && overall.speedup_ratio > 1.0 + EQUAL).then_some((i, overall.speedup_ratio))

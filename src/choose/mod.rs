@@ -29,7 +29,7 @@ use crate::scene::Scene;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
-use crate::verify::{Care, Machine, VerifyOptions};
+use crate::verify::{Care, Machine, MachineKind, VerifyOptions};
 use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
@@ -232,11 +232,16 @@ impl Choosing<'_> {
         let last = Mutex::default();
         let scene_of = |i: usize| candidates[chosen[i]].laid.written_after(scene, &last);
         let laps = self.machine.race(scene, chosen.len(), scene_of, care, self.verify);
+        let weights = &self.verify.weights;
         let mut count = 0;
         for (&i, lap) in chosen.iter().zip(laps.ok_or("no device traces rays: the model decides")??) {
             match lap {
                 Ok(lap) => {
-                    candidates[i].lap = Some((lap, care));
+                    let candidate = &mut candidates[i];
+                    match care {
+                        Care::Brief => candidate.brief = Some(weights.overall(&lap.kinds).speedup_ratio),
+                        Care::Full => candidate.lap = Some(lap),
+                    }
                     count += 1;
                 }
                 Err(why) => candidates[i].outcome = why,
@@ -248,9 +253,12 @@ impl Choosing<'_> {
     /// Times candidates near the fastest, round by round; gives their number.
     fn refine(&self, scene: &mut Scene, candidates: &mut Vec<Candidate>, bounds: &decide::Bounds) -> usize {
         let weights = &self.verify.weights;
+        // Software drivers take longer to try, and what they build depends less on axes.
+        let is_gpu = self.machine.name().1 == MachineKind::Gpu;
         let mut count = 0;
         for round in refine::rounds(self.options.effort) {
             let mut near = match *round {
+                Round::Axes { .. } if !is_gpu => refine::other_axes(candidates, weights, bounds, 1, 1),
                 Round::Axes { of, ways } => refine::other_axes(candidates, weights, bounds, of, ways),
                 Round::Entry(step) => match refine::other_entries(candidates, weights, bounds, step) {
                     plans if plans.is_empty() => Vec::new(),
@@ -262,7 +270,7 @@ impl Choosing<'_> {
             let care = if matches!(round, Round::Axes { .. }) { Care::Brief } else { Care::Full };
             count += self.race(scene, &mut near, &all, care).unwrap_or(0);
             if care == Care::Brief {
-                let best = refine::worth_a_closer_look(candidates, &near, weights);
+                let best = refine::worth_a_closer_look(&near);
                 // None of them is less well known than before if that fails.
                 let _ = self.race(scene, &mut near, &best, Care::Full);
             }

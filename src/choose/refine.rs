@@ -30,9 +30,8 @@ const ALONG: &str = ", axes ";
 /// Candidates slower than this share of the fastest are not worth other axes.
 const NEAR_FASTEST: f64 = 0.95;
 
-/// Candidates timed briefly that are timed again, if they take no less than this share of the fastest speed so far.
-const LOOKED_AT_CLOSELY: usize = 3;
-const PROMISING: f64 = 0.995;
+/// Candidates timed briefly that are timed again.
+const LOOKED_AT_CLOSELY: usize = 4;
 
 /// A step through all ways to lay axes, coprime to their number, so that the first few differ much.
 const STRIDE: usize = 7;
@@ -92,22 +91,18 @@ pub(super) fn other_axes(
     near.flat_map(|(_, candidate)| (1..=ways).map(|i| turned(candidate, i * STRIDE % usize::from(WAYS)))).collect()
 }
 
-/// Of candidates that were timed briefly the best few, where they may be the fastest of all: their indices.
-pub(super) fn worth_a_closer_look(candidates: &[Candidate], near: &[Candidate], weights: &Weights) -> Vec<usize> {
-    let speed = |c: &Candidate| c.speed(weights).map(|overall| overall.speedup_ratio);
-    let fastest = candidates.iter().filter_map(speed).fold(1.0, f64::max);
-    let mut timed: Vec<(f64, usize)> = near.iter().enumerate().filter_map(|(i, c)| Some((speed(c)?, i))).collect();
-    timed.retain(|(speed, _)| *speed >= PROMISING * fastest);
+/// The fastest few of the candidates that were timed briefly: their indices.
+pub(super) fn worth_a_closer_look(near: &[Candidate]) -> Vec<usize> {
+    let mut timed: Vec<(f64, usize)> = near.iter().enumerate().filter_map(|(i, c)| Some((c.brief?, i))).collect();
     timed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    timed.truncate(LOOKED_AT_CLOSELY);
-    timed.into_iter().map(|(_, i)| i).collect()
+    timed.into_iter().take(LOOKED_AT_CLOSELY).map(|(_, i)| i).collect()
 }
 
 /// A candidate along other axes, which costs as much as far as anyone can tell.
 fn turned(candidate: &Candidate, axes: usize) -> Candidate {
     let laid = Laid { axes: axes as u8, ..candidate.laid.clone() };
     let plan = Plan { name: format!("{}{ALONG}{axes}", candidate.plan.name), ..candidate.plan.clone() };
-    Candidate { plan, laid, lap: None, seconds: 0.0, outcome: String::new(), ..*candidate }
+    Candidate { plan, laid, lap: None, brief: None, seconds: 0.0, outcome: String::new(), ..*candidate }
 }
 
 #[cfg(test)]

@@ -108,6 +108,21 @@ fn floats(doc: &Document, name: &str) -> Vec<[f32; 3]> {
 }
 
 #[test]
+fn layouts_along_other_axes_show_the_same_triangles_rounded_no_more() {
+    let doc = two_nodes();
+    let scene = load(&doc);
+    for mut layout in [baked(&scene), opened(&scene)] {
+        let straight = emit(&doc, &scene, &layout, &Options::default());
+        crate::layout::turn_axes(&mut layout, 13);
+        let turned = emit(&doc, &scene, &layout, &Options::default());
+        let [expected, after] = [&straight, &turned].map(|emitted| load(&emitted.document));
+        assert_eq!(shown(&after), shown(&expected));
+        assert_eq!(turned.position_error, straight.position_error);
+        assert_ne!(after.instances[0].transform.matrix3, expected.instances[0].transform.matrix3);
+    }
+}
+
+#[test]
 fn a_baked_group_shows_the_same_triangles_with_the_same_facing() {
     let doc = two_nodes();
     let scene = load(&doc);

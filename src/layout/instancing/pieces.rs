@@ -90,7 +90,8 @@ pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], turns: bool, i
     let mut found = Vec::new();
     for &wanted in wanted {
         while clusters.len() > wanted.max(1) {
-            let next = wanted.max(1).max((KEPT_AT_ONCE * clusters.len() as f64) as usize);
+            let kept = if improves { (KEPT_AT_ONCE * clusters.len() as f64) as usize } else { 0 };
+            let next = wanted.max(1).max(kept);
             clusters = Joining::new(clusters, turns).join_to(next);
             if improves && next <= FIRST_IMPROVED {
                 improve(mesh, &mut clusters, turns);
@@ -236,7 +237,7 @@ fn outermost(points: &[DVec3]) -> Vec<DVec3> {
             if at < least.0 {
                 least = (at, i);
             }
-            if at > most.0 {
+            if at >= most.0 {
                 most = (at, i);
             }
         }
