@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3};
 
-use super::pieces::Cluster;
+use super::pieces::{Cluster, Shaping};
 use crate::scene::{Bounds, Mesh};
 
 /// Bins across a direction.
@@ -25,14 +25,14 @@ const MOST_TRIANGLES: usize = 1 << 18;
 const WORTH_A_CUT: f64 = 1e-3;
 
 /// Divides neighbours anew as long as that pays.
-pub(super) fn improve(mesh: &Mesh, clusters: &mut [Cluster], turns: bool) {
+pub(super) fn improve(mesh: &Mesh, clusters: &mut [Cluster], by: Shaping) {
     let rounds = (MOST_TRIANGLES / mesh.triangle_count().max(1)).min(MOST_ROUNDS);
     let mut changed = vec![true; clusters.len()];
     for _ in 0..rounds {
         let before = std::mem::replace(&mut changed, vec![false; clusters.len()]);
         for [a, b] in neighbours(clusters) {
             let is_new = [a, b].iter().any(|&i| before[i] || changed[i]);
-            if is_new && divide(mesh, clusters, [a, b], turns) {
+            if is_new && divide(mesh, clusters, [a, b], by) {
                 (changed[a], changed[b]) = (true, true);
             }
         }
@@ -52,7 +52,7 @@ fn neighbours(clusters: &[Cluster]) -> Vec<[usize; 2]> {
 }
 
 /// Divides two pieces anew if that pays.
-fn divide(mesh: &Mesh, clusters: &mut [Cluster], [a, b]: [usize; 2], turns: bool) -> bool {
+fn divide(mesh: &Mesh, clusters: &mut [Cluster], [a, b]: [usize; 2], by: Shaping) -> bool {
     let (one, other) = (&clusters[a], &clusters[b]);
     let (costs, count) = (one.cost() + other.cost(), one.triangles.len());
     let pair = Pair::new(mesh, one, other);
@@ -64,7 +64,7 @@ fn divide(mesh: &Mesh, clusters: &mut [Cluster], [a, b]: [usize; 2], turns: bool
     if best.cost >= most {
         return false;
     }
-    let [near, far] = pair.sides(&best).map(|side| Cluster::near(mesh, side, &[one.axes, other.axes], turns));
+    let [near, far] = pair.sides(&best).map(|side| Cluster::near(mesh, side, &[one.axes, other.axes], by));
     let pays = near.cost() + far.cost() < most;
     if pays {
         (clusters[a], clusters[b]) = (near, far);
@@ -152,6 +152,8 @@ mod tests {
     use glam::{DAffine3, Vec3};
     use std::f32::consts::{PI, TAU};
 
+    const IMPROVED: Shaping = Shaping { turns: true, improves: true };
+
     const RINGS: usize = 160;
     const SIDES: usize = 12;
 
@@ -191,8 +193,10 @@ mod tests {
         let stretch_of = |t: u32, count: usize| t as usize * 1009 % (2 * RINGS * SIDES) * count / (2 * RINGS * SIDES);
         for count in [8, 12, 16] {
             let stretch = |i: usize| (0..mesh.triangle_count() as u32).filter(|&t| stretch_of(t, count) == i).collect();
-            let stretches: Vec<Cluster> = (0..count).map(|i| Cluster::near(mesh, stretch(i), &[], true)).collect();
-            let found = joined(mesh, &Boxed::of_mesh(mesh, Quality::Medium), &[count], true, true).remove(0);
+            let stretches: Vec<Cluster> = (0..count).map(|i| Cluster::near(mesh, stretch(i), &[], IMPROVED)).collect();
+            let found =
+                joined(mesh, &Boxed::of_mesh(mesh, Quality::Medium), &[count], Shaping { turns: true, improves: true })
+                    .remove(0);
             assert_eq!(found.len(), count);
             assert!(cost(&found) < 1.1 * cost(&stretches), "{count}: {} {}", cost(&found), cost(&stretches));
         }
@@ -202,10 +206,10 @@ mod tests {
     fn pieces_that_interleave_come_apart() {
         let scene = scene(row(Vec3::ZERO, 100));
         let mesh = &scene.meshes[0];
-        let every_other = |i: u32| Cluster::near(mesh, (i..100).step_by(2).collect(), &[], true);
+        let every_other = |i: u32| Cluster::near(mesh, (i..100).step_by(2).collect(), &[], IMPROVED);
         let mut clusters = [every_other(0), every_other(1)];
         let before = cost(&clusters);
-        improve(mesh, &mut clusters, true);
+        improve(mesh, &mut clusters, IMPROVED);
         assert!(cost(&clusters) < 0.6 * before, "{} of {before}", cost(&clusters));
         let mut sizes = clusters.map(|c| c.triangles.len());
         sizes.sort_unstable();
@@ -218,9 +222,9 @@ mod tests {
             let mut scene = scene(vec![[Vec3::ZERO; 3]; 20]);
             scene.meshes[0].geometries[0].positions = vec![corner; 60];
             let mesh = &scene.meshes[0];
-            let half = |from: u32| Cluster::near(mesh, (from..from + 10).collect(), &[], true);
+            let half = |from: u32| Cluster::near(mesh, (from..from + 10).collect(), &[], IMPROVED);
             let mut clusters = [half(0), half(10)];
-            improve(mesh, &mut clusters, true);
+            improve(mesh, &mut clusters, IMPROVED);
             assert_eq!(clusters.map(|c| c.triangles.len()), [10, 10], "{corner}");
         }
     }

@@ -61,12 +61,23 @@ pub(super) fn levels(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: 
     };
     let wanted: Vec<usize> = wanted.into_iter().filter(|&k| k <= most && (k > 1 || turns)).collect();
     let few: Vec<usize> = wanted.iter().copied().filter(|k| (2..=MOST_JOINED).contains(k)).collect();
-    let joined = [(&few, false), (&wanted, true)].map(|(wanted, improves)| joined(mesh, tree, wanted, turns, improves));
+    let joined = [(&few, false), (&wanted, true)]
+        .map(|(wanted, improves)| joined(mesh, tree, wanted, Shaping { turns, improves }));
     let pieces = |clusters: Vec<Cluster>| clusters.into_iter().map(|c| c.piece(mesh, turns)).collect();
     let mut levels: Vec<Vec<Piece>> = joined.into_iter().flatten().map(pieces).collect();
     levels.retain(|pieces| !matches!(pieces.as_slice(), [one] if one.part.frame == DAffine3::IDENTITY));
     levels.sort_by_key(Vec::len);
     levels
+}
+
+/// How clusters are made.
+#[derive(Clone, Copy)]
+pub(super) struct Shaping {
+    /// Whether boxes are turned.
+    pub(super) turns: bool,
+    /// Whether neighbours are divided anew. What lies equally far out then stands for a part by the first of its points, else
+    /// by the last: other parts are joined, so that the two ways differ where many are as good.
+    pub(super) improves: bool,
 }
 
 /// Some triangles, and the turned box around them.
@@ -84,17 +95,17 @@ pub(super) struct Cluster {
 /// The clusters for each wanted number of them, in descending order.
 ///
 /// What was joined is improved on the way, since joined parts never come apart again.
-pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], turns: bool, improves: bool) -> Vec<Vec<Cluster>> {
+pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], by: Shaping) -> Vec<Vec<Cluster>> {
     let parts = Cuts::of_equal_parts(tree, PARTS);
-    let mut clusters: Vec<Cluster> = parts.into_iter().map(|t| Cluster::new(mesh, t, turns)).collect();
+    let mut clusters: Vec<Cluster> = parts.into_iter().map(|t| Cluster::new(mesh, t, by)).collect();
     let mut found = Vec::new();
     for &wanted in wanted {
         while clusters.len() > wanted.max(1) {
-            let kept = if improves { (KEPT_AT_ONCE * clusters.len() as f64) as usize } else { 0 };
+            let kept = if by.improves { (KEPT_AT_ONCE * clusters.len() as f64) as usize } else { 0 };
             let next = wanted.max(1).max(kept);
-            clusters = Joining::new(clusters, turns).join_to(next);
-            if improves && next <= FIRST_IMPROVED {
-                improve(mesh, &mut clusters, turns);
+            clusters = Joining::new(clusters, by).join_to(next);
+            if by.improves && next <= FIRST_IMPROVED {
+                improve(mesh, &mut clusters, by);
             }
         }
         if clusters.len() == wanted {
@@ -110,14 +121,14 @@ struct Joining {
     /// For each cluster its best partner and what joining the two adds.
     best: Vec<Option<(f64, usize)>>,
     left: usize,
-    turns: bool,
+    by: Shaping,
 }
 
 impl Joining {
-    fn new(clusters: Vec<Cluster>, turns: bool) -> Joining {
+    fn new(clusters: Vec<Cluster>, by: Shaping) -> Joining {
         let left = clusters.len();
         let clusters = clusters.into_iter().map(Some).collect();
-        let mut joining = Joining { clusters, best: vec![None; left], left, turns };
+        let mut joining = Joining { clusters, best: vec![None; left], left, by };
         (0..left).for_each(|i| joining.best[i] = joining.best_partner(i));
         joining
     }
@@ -134,7 +145,7 @@ impl Joining {
         let Some((_, a, b)) = found.min_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1))) else { return false };
         let (keep, drop) = (a.min(b), a.max(b));
         let (Some(one), Some(other)) = (self.clusters[keep].take(), self.clusters[drop].take()) else { return false };
-        self.clusters[keep] = Some(one.join(other, self.turns));
+        self.clusters[keep] = Some(one.join(other, self.by));
         self.best[drop] = None;
         self.left -= 1;
         for i in 0..self.clusters.len() {
@@ -155,31 +166,31 @@ impl Joining {
         let mut near: Vec<(f64, usize)> = others.filter_map(|(i, c)| Some((growth(c.as_ref()?), i))).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.truncate(PARTNERS);
-        let cost = |&(_, i): &(f64, usize)| Some((of.cost_of_joining(self.clusters[i].as_ref()?, self.turns), i));
+        let cost = |&(_, i): &(f64, usize)| Some((of.cost_of_joining(self.clusters[i].as_ref()?, self.by), i));
         near.iter().filter_map(cost).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
     }
 }
 
 impl Cluster {
-    fn new(mesh: &Mesh, triangles: Vec<u32>, turns: bool) -> Cluster {
+    fn new(mesh: &Mesh, triangles: Vec<u32>, by: Shaping) -> Cluster {
         let corners: Vec<DVec3> = triangles.iter().flat_map(|&t| mesh.corners(t)).map(|p| p.as_dvec3()).collect();
-        let points = outermost(&corners);
-        let (area, axes) = best_axes(&points, &[], turns);
+        let points = outermost(&corners, by);
+        let (area, axes) = best_axes(&points, &[], by.turns);
         Cluster { triangles, points, axes, area }
     }
 
-    fn join(self, other: Cluster, turns: bool) -> Cluster {
+    fn join(self, other: Cluster, by: Shaping) -> Cluster {
         let both = [self.points, other.points].concat();
-        let (area, axes) = best_axes(&both, &[self.axes, other.axes], turns);
+        let (area, axes) = best_axes(&both, &[self.axes, other.axes], by.turns);
         let triangles = [self.triangles, other.triangles].concat();
-        Cluster { triangles, points: outermost(&both), axes, area }
+        Cluster { triangles, points: outermost(&both, by), axes, area }
     }
 
     /// As [`Cluster::new`], of triangles near those whose axes are given.
-    pub(super) fn near(mesh: &Mesh, triangles: Vec<u32>, given: &[DMat3], turns: bool) -> Cluster {
-        let mut cluster = Cluster::new(mesh, triangles, turns);
-        if turns {
-            let (_, axes) = best_axes(&cluster.points, &[given, &[cluster.axes]].concat(), turns);
+    pub(super) fn near(mesh: &Mesh, triangles: Vec<u32>, given: &[DMat3], by: Shaping) -> Cluster {
+        let mut cluster = Cluster::new(mesh, triangles, by);
+        if by.turns {
+            let (_, axes) = best_axes(&cluster.points, &[given, &[cluster.axes]].concat(), true);
             cluster.axes = refined(&cluster.points, axes);
             cluster.area = area(&cluster.points, &cluster.axes);
         }
@@ -192,9 +203,9 @@ impl Cluster {
     }
 
     /// By how much the sum of areas, each times the triangles within, grows.
-    fn cost_of_joining(&self, other: &Cluster, turns: bool) -> f64 {
+    fn cost_of_joining(&self, other: &Cluster, by: Shaping) -> f64 {
         let both = [self.points.as_slice(), &other.points].concat();
-        let (area, _) = best_axes(&both, &[self.axes, other.axes], turns);
+        let (area, _) = best_axes(&both, &[self.axes, other.axes], by.turns);
         let (a, b) = (self.triangles.len() as f64, other.triangles.len() as f64);
         area * (a + b) - self.cost() - other.cost()
     }
@@ -222,7 +233,7 @@ impl Cluster {
 
 /// The outermost points in directions spread evenly over half a sphere (R. Swinbank, R. Purser, "Fibonacci Grids", 2006),
 /// each once.
-fn outermost(points: &[DVec3]) -> Vec<DVec3> {
+fn outermost(points: &[DVec3], by: Shaping) -> Vec<DVec3> {
     let golden = PI * (3.0 - 5f64.sqrt());
     let direction = |i: usize| {
         let z = (i as f64 + 0.5) / DIRECTIONS as f64;
@@ -237,7 +248,7 @@ fn outermost(points: &[DVec3]) -> Vec<DVec3> {
             if at < least.0 {
                 least = (at, i);
             }
-            if at >= most.0 {
+            if at > most.0 || (at == most.0 && !by.improves) {
                 most = (at, i);
             }
         }
