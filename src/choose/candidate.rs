@@ -170,6 +170,7 @@ impl Candidate {
             as_bytes: self.as_bytes,
             position_error_ratio: Some(self.laid.position_error_ratio),
             seconds: self.seconds,
+            brief: self.brief.is_some() && self.lap.is_none(),
         }
     }
 }

@@ -114,6 +114,9 @@ pub struct Candidate {
     pub position_error_ratio: Option<f64>,
     /// Time to lay it out and cost it.
     pub seconds: f64,
+    /// Whether it was timed no more than briefly, along other axes than one that is listed.
+    #[serde(skip)]
+    pub brief: bool,
 }
 
 /// A step that was taken or left out.
@@ -381,6 +384,7 @@ impl Candidate {
             as_bytes: metrics.as_bytes(),
             position_error_ratio: None,
             seconds,
+            brief: false,
         }
     }
 }

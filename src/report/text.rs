@@ -33,7 +33,7 @@ pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
     let _ = writeln!(text, "\nmethod {} ({})", report.method.chosen, report.method.reason);
     text += &list("note", &report.notes, verbose);
     if verbose || report.method.candidates.len() > 1 {
-        text += &candidates(report);
+        text += &candidates(report, verbose);
     }
     if verbose {
         text += &passes(report);
@@ -158,11 +158,10 @@ fn list(kind: &str, messages: &[String], all: bool) -> String {
     text
 }
 
-fn candidates(report: &BakeReport) -> String {
-    let rows: Vec<Vec<String>> = report
-        .method
-        .candidates
-        .iter()
+fn candidates(report: &BakeReport, all: bool) -> String {
+    let (listed, brief): (Vec<_>, Vec<_>) = report.method.candidates.iter().partition(|c| all || !c.brief);
+    let rows: Vec<Vec<String>> = listed
+        .into_iter()
         .map(|c| {
             let or_none = |value: Option<f64>, digits: usize| value.map_or("-".into(), |v| format!("{v:.digits$}"));
             vec![
@@ -177,10 +176,14 @@ fn candidates(report: &BakeReport) -> String {
             ]
         })
         .collect();
-    format!(
-        "\n{}",
-        table(&["candidate", "cost", "ps a ray", "Mrays/s", "speedup", "bytes", "seconds", "outcome"], &rows)
-    )
+    let table = table(&["candidate", "cost", "ps a ray", "Mrays/s", "speedup", "bytes", "seconds", "outcome"], &rows);
+    let more = match brief.len() {
+        0 => String::new(),
+        n => format!(
+            "{n} more, timed briefly along other axes, were slower than the best of their kind (-v lists them)\n"
+        ),
+    };
+    format!("\n{table}{more}")
 }
 
 fn passes(report: &BakeReport) -> String {
