@@ -17,7 +17,7 @@ use crate::verify::{Hit, Pace, Tracer};
 const BATCH: usize = 256;
 
 /// Rays of a kind that are timed where nobody asks for more: milliseconds' worth.
-const TIMED: u32 = 4096;
+const TIMED: u32 = 2048;
 
 /// Boxes count as larger by this many times the largest coordinate that meets in a slab test.
 const PAD: f32 = 4.0 * f32::EPSILON;
