@@ -216,7 +216,8 @@ impl Choosing<'_> {
         let mut candidates = Vec::with_capacity(laid.len());
         let mut laid = laid.into_iter();
         loop {
-            let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE).collect();
+            // The input, which is the first, has its trees already.
+            let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE + usize::from(candidates.is_empty())).collect();
             if some.is_empty() {
                 return (candidates, placed);
             }
