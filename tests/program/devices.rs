@@ -57,6 +57,28 @@ fn every_method_verifies_on_a_device() {
 }
 
 #[test]
+fn auto_times_the_fastest_layout_along_other_axes() {
+    let (ran, _folder) = bake_on(SOFTWARE, &sample("overlapping"), &["--method", "auto"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let report = ran.json();
+    let candidates = report["method"]["candidates"].as_array().expect("candidates");
+    let speed = |c: &Value| c["measured_speedup_ratio"].as_f64();
+    let is_along_others = |c: &&Value| c["name"].as_str().is_some_and(|name| name.contains(", axes "));
+    let (others, straight): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(is_along_others);
+    let fastest = straight.iter().filter_map(|c| speed(c)).fold(0.0, f64::max);
+    // What is slower than the input is not worth it.
+    assert!(fastest < 1.0 || others.len() == 1, "{candidates:?}");
+    for other in others {
+        let name = other["name"].as_str().and_then(|name| name.split(", axes ").next());
+        let same = straight.iter().find(|c| c["name"].as_str() == name).expect("the layout it is made of");
+        assert!(speed(other) > Some(0.0));
+        for key in ["as_bytes", "predicted_cost"] {
+            assert_eq!(other[key], same[key], "{key}");
+        }
+    }
+}
+
+#[test]
 fn build_options_reach_the_device() {
     let scene = sample("overlapping");
     let (plain, _folder) = bake_on(SOFTWARE, &scene, &["--method", "single", "--compact", "false"]);
