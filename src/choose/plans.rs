@@ -66,7 +66,7 @@ pub(super) const PROHIBITIVE: f64 = 1e9;
 
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.
-const PLANS: [Entry; 39] = [
+const PLANS: [Entry; 38] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
     (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
@@ -87,8 +87,7 @@ const PLANS: [Entry; 39] = [
     (3, "cluster by rays, entry 8, without units", Method::Cluster, |o| without_units(o, 8.0)),
     (3, "single, instances in 12 pieces", Method::Single, |o| in_pieces(o, 12)),
     (3, "single, instances in 20 pieces", Method::Single, |o| in_pieces(o, 20)),
-    (3, "single, instances in 16 pieces", Method::Single, |o| in_pieces(o, 16)),
-    (3, "single, instances in 24 pieces", Method::Single, |o| in_pieces(o, 24)),
+    (4, "single, instances in 16 pieces", Method::Single, |o| in_pieces(o, 16)),
     (4, "single, instances in 32 pieces", Method::Single, |o| in_pieces(o, 32)),
     (5, "single, instances in 8 pieces", Method::Single, |o| in_pieces(o, 8)),
     (5, "single, instances in 64 pieces", Method::Single, |o| in_pieces(o, 64)),
