@@ -219,7 +219,7 @@ impl Tried {
         crate::copies::undo(scene);
         clock.enter(Stage::Verify);
         let after = read_back(&written, output)?;
-        let after_trees = trees.build_for(scene, &after, &chosen.trees_of_written());
+        let after_trees = trees.build_for(scene, &after, &chosen.trees);
         let verification = machine.verify_with([scene, &after], [trees, &after_trees], &options.verify)?;
         let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
         Ok(Tried { written, after, trees: after_trees, verification, verdict })

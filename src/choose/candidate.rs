@@ -64,7 +64,7 @@ impl Straight {
     fn new(scene: &Scene, of: &Arc<Layout>) -> Straight {
         let mut layout = Layout::clone(of);
         layout::order_by_tree(scene, &mut layout);
-        let is_rewritten = layout.groups.iter().map(|g| !matches!(g.content, Content::Kept(_))).collect();
+        let is_rewritten = layout.groups.iter().map(|g| !g.content.is_kept()).collect();
         Straight { of: of.clone(), scene: layout::stored(scene, &layout), is_rewritten }
     }
 }
@@ -84,13 +84,6 @@ impl Laid {
         layout::turn_stored(&mut written, &straight.is_rewritten, self.axes);
         *last = Some(straight);
         written
-    }
-
-    /// The layout with its axes turned.
-    pub(super) fn turned(&self) -> Layout {
-        let mut layout = Layout::clone(&self.layout);
-        layout::turn_axes(&mut layout, self.axes);
-        layout
     }
 
     /// Whether two layouts come to the same document but for names.

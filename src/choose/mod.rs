@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::tree::Tree;
-use crate::layout::{self, Cache, Content, Layout, Method, PlacedTrees};
+use crate::layout::{self, Cache, Layout, Method, PlacedTrees};
 use crate::report::{MethodReport, Pass};
 use crate::scene::Scene;
 use crate::verify::build::BlasPer;
@@ -75,7 +75,7 @@ const AUTO_MAX_BYTES_RATIO: f64 = 1.25;
 pub struct Chosen {
     /// The layout, ready to be written.
     pub layout: Layout,
-    /// Trees of its groups, as [`layout::order_for_good`] gives them; none for the input as it is.
+    /// Trees of the groups that are written anew, as [`layout::order_for_good`] gives them.
     pub trees: Vec<Option<Arc<Tree>>>,
     /// How it was chosen.
     pub report: MethodReport,
@@ -86,13 +86,6 @@ pub struct Chosen {
 }
 
 impl Chosen {
-    /// The trees of the groups that are meshes of their own in what is written, in their order.
-    pub fn trees_of_written(&self) -> Vec<Option<Arc<Tree>>> {
-        let is_new = |group: &layout::Group| !matches!(group.content, Content::Kept(_));
-        let of_groups = self.layout.groups.iter().zip(&self.trees);
-        of_groups.filter(|(group, _)| is_new(group)).map(|(_, tree)| tree.clone()).collect()
-    }
-
     /// The input as it is instead, for a candidate that was not faster when it was measured again.
     pub fn left_alone(self, scene: &Scene) -> Chosen {
         let layout = layout::run(Method::Keep, scene, &layout::Options::default());
@@ -311,7 +304,8 @@ fn finish(
     mut passes: Vec<Pass>,
     measured: bool,
 ) -> Chosen {
-    let mut layout = laid.turned();
+    let mut layout = Arc::unwrap_or_clone(laid.layout);
+    layout::turn_axes(&mut layout, laid.axes);
     passes.extend(laid.passes);
     let (pass, trees) = passes::order(scene, &mut layout, placed);
     passes.push(pass);

@@ -65,8 +65,7 @@ impl Task<'_> {
 
     /// Whether distances from the middle, in units of the spread, differ by no more than the tolerance can make them.
     fn are_as_long(&self, of_model: f64, of_copy: f64) -> bool {
-        let unit = if self.copy.spread > 0.0 { self.copy.spread } else { 1.0 };
-        (of_model - of_copy).abs() <= bar(self.tolerance / unit, of_copy)
+        (of_model - of_copy).abs() <= bar(self.tolerance / self.copy.unit(), of_copy)
     }
 
     /// With triangles in any order.

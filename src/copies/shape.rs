@@ -72,9 +72,14 @@ impl<'a> Shape<'a> {
         Shape { mesh, parts, corners, keys, properties, center, spread }
     }
 
-    /// How far a point lies from the middle, in units of the spread, or as it is where there is none.
+    /// What lengths are measured in: the spread, where there is any.
+    pub(super) fn unit(&self) -> f64 {
+        if self.spread > 0.0 { self.spread } else { 1.0 }
+    }
+
+    /// How far a point lies from the middle, in that unit.
     pub(super) fn distance(&self, point: DVec3) -> f64 {
-        point.distance(self.center) / if self.spread > 0.0 { self.spread } else { 1.0 }
+        point.distance(self.center) / self.unit()
     }
 
     /// The distances of all corners from the middle, ascending.

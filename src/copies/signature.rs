@@ -68,7 +68,7 @@ impl Signature {
             Likeness::Exact => 0.0,
             Likeness::Rigid => tolerance(shape, reach, budget, options.max_position_error_ratio),
         };
-        let unit = if shape.spread > 0.0 { shape.spread } else { 1.0 };
+        let unit = shape.unit();
         let mut distances: Vec<f64> = points.iter().map(|p| shape.distance(*p)).collect();
         let mut sides: Vec<f64> = shape.corners.iter().flat_map(|c| sides(c).map(|s| s / unit)).collect();
         let mut lengths = [0.0; 2 * RANKS];

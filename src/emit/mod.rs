@@ -53,7 +53,7 @@ pub struct Emitted {
 
 /// Whether a layout leaves every mesh and instance of its scene as it is.
 pub fn is_unchanged(layout: &Layout) -> bool {
-    layout.groups.iter().all(|g| matches!(g.content, Content::Kept(_)))
+    layout.groups.iter().all(|g| g.content.is_kept())
 }
 
 /// Whether a layout shows the document exactly as it is: unchanged, and no mesh of the scene stands in for another.

@@ -37,7 +37,7 @@ pub(crate) fn turn_axes(layout: &mut Layout, number: u8) {
         }
     }
     for placement in &mut layout.placements {
-        if !matches!(layout.groups[placement.group as usize].content, Content::Kept(_)) {
+        if !layout.groups[placement.group as usize].content.is_kept() {
             placement.transform.matrix3 *= turn;
         }
     }

@@ -81,6 +81,11 @@ pub enum Content {
 }
 
 impl Content {
+    /// Whether it is a mesh as it is; all else is written anew.
+    pub fn is_kept(&self) -> bool {
+        matches!(self, Content::Kept(_))
+    }
+
     /// Mesh from group for a piece; the identity for others.
     pub fn piece_frame(&self) -> DAffine3 {
         if let Content::Piece { frame, .. } = self { *frame } else { DAffine3::IDENTITY }

@@ -25,9 +25,9 @@ pub fn order_by_tree(scene: &Scene, layout: &mut Layout) {
     order_groups(layout, bounds);
 }
 
-/// As [`order_by_tree`], by trees that serve for tracing: gives for each group the tree whose item `i` is triangle `i` of the
-/// group as it is then; `None` for groups that are meshes as they are, and where no tree can hold all triangles. Trees
-/// that are `known` are not built again.
+/// As [`order_by_tree`], by trees that serve for tracing: gives for each group that is written anew, in their order then, the
+/// tree whose item `i` is its triangle `i`; `None` where no tree can hold all triangles. Trees that are `known` are not
+/// built again.
 pub fn order_for_good(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -> Vec<Option<Arc<Tree>>> {
     let order = |group: &mut Group| {
         let tree = known.of_group(scene, &group.content);
@@ -36,7 +36,8 @@ pub fn order_for_good(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -
     let ordered: Vec<Ordered> = layout.groups.par_iter_mut().map(order).collect();
     let (bounds, mut trees): (Vec<Bounds>, Vec<Option<Tree>>) = ordered.into_iter().map(|o| (o.bounds, o.tree)).unzip();
     let order = order_groups(layout, bounds);
-    order.into_iter().map(|old| trees[old as usize].take().map(Arc::new)).collect()
+    let anew = layout.groups.iter().zip(order).filter(|(group, _)| !group.content.is_kept());
+    anew.map(|(_, old)| trees[old as usize].take().map(Arc::new)).collect()
 }
 
 /// Puts baked groups after all others, in the order of a tree over their boxes; gives the new order.
