@@ -1,5 +1,7 @@
 //! `f` statements: corner indices checked, made absolute, missing ones made explicit.
 
+use std::fmt::Write;
+
 use super::super::text::words;
 use super::block::Context;
 use super::elements::shown;
@@ -108,14 +110,8 @@ impl Faces {
         } else {
             for &[v, vt, vn] in &self.corners {
                 // -1 is the element that stands for a missing one: it comes last.
-                for (index, end) in [(v, '/'), (vt, '/'), (vn, ' ')] {
-                    if index == 0 {
-                        out.push_str("-1")
-                    } else {
-                        write_positive(index, out)
-                    }
-                    out.push(end);
-                }
+                let [v, vt, vn] = [v, vt, vn].map(|index| if index == 0 { -1 } else { index });
+                let _ = write!(out, "{v}/{vt}/{vn} ");
             }
         }
         out.push('\n');
@@ -137,17 +133,6 @@ fn positive_corner(word: &[u8]) -> Option<[i64; 3]> {
         }
     }
     (corner[kind] > 0 || kind > 0 && digits == 0).then_some(corner)
-}
-
-fn write_positive(index: i64, out: &mut String) {
-    let mut digits = [0; 20];
-    let (mut start, mut rest) = (digits.len(), index);
-    while rest > 0 {
-        start -= 1;
-        digits[start] = b'0' + (rest % 10) as u8;
-        rest /= 10;
-    }
-    out.extend(digits[start..].iter().map(|&digit| char::from(digit)));
 }
 
 /// What is wrong with the line whose faces refer to elements beyond the last.
