@@ -116,7 +116,10 @@ impl Candidate {
             (Cow::Borrowed(_), true) => (known.cost, known.picoseconds),
             (built, unchanged) => {
                 let of_groups = known.trees.of_layout(scene, built, known.placed);
-                let trees = TwoLevel::build_with(&layout::stored(scene, built), &of_groups);
+                let mut stored = layout::stored(scene, built);
+                stored.translate(-ranking.vantage);
+                let trees = TwoLevel::build_to_count(&stored, &of_groups);
+                drop(stored);
                 let cost = if unchanged { known.cost } else { trees.cost(scene.bounds().area()) };
                 (cost, ranking.picoseconds(&trees))
             }

@@ -18,6 +18,7 @@ pub(crate) use candidate::as_built;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::cost::Metrics;
@@ -191,11 +192,18 @@ impl Choosing<'_> {
     /// also the trees that laying out built.
     fn evaluate(&self, scene: &mut Scene, plans: &[Plan]) -> (Vec<Candidate>, PlacedTrees) {
         let Choosing { trees, options, verify, .. } = *self;
-        let of_input = TwoLevel::build_with(scene, trees);
-        let rays = rays::generate(scene, &Reference::new(&of_input), options.effort.rays(), verify.seed);
+        let vantage = vantage(scene);
+        let seen = (vantage != DVec3::ZERO).then(|| {
+            let mut seen = scene.clone();
+            seen.translate(-vantage);
+            seen
+        });
+        let seen = seen.as_ref().unwrap_or(&*scene);
+        let of_input = TwoLevel::build_to_count(seen, trees);
+        let rays = rays::generate(seen, &Reference::new(&of_input), options.effort.rays(), verify.seed);
         let blas_per = verify.build.blas_per;
-        let ranking = Ranking { rays: &rays, class: options.class, weights: verify.weights, blas_per };
-        let plans = segments::given(plans, &of_input, &rays, &verify.weights);
+        let ranking = Ranking { rays: &rays, vantage, class: options.class, weights: verify.weights, blas_per };
+        let plans = segments::given(plans, &of_input, &rays, &verify.weights, vantage);
         let picoseconds = ranking.picoseconds(&of_input);
         drop(of_input);
         let (laid, placed) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
@@ -272,6 +280,17 @@ impl Choosing<'_> {
         }
         count
     }
+}
+
+/// A scene farther from the origin than so many of its diagonals is ranked as seen from its middle.
+const FAR: f64 = 1024.0;
+
+/// Where a scene is seen from when layouts are ranked: so far from the origin that rays in single precision miss what
+/// they are meant for, what they meet tells nothing of layouts.
+fn vantage(scene: &Scene) -> DVec3 {
+    let bounds = scene.bounds();
+    let is_far = bounds.center().abs().max_element() > FAR * bounds.diagonal();
+    if is_far { bounds.center() } else { DVec3::ZERO }
 }
 
 /// The layouts of plans that differ, with the seconds each took, and the trees that were built for them.

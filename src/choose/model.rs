@@ -5,6 +5,7 @@
 //! neighbouring rays the largest counts hold for all, as a GPU runs them in step. Good enough to rank layouts, not to
 //! decide between close ones: see [`Class::NoRtCores`].
 
+use glam::DVec3;
 use serde::Serialize;
 
 use crate::verify::build::BlasPer;
@@ -101,6 +102,8 @@ impl Class {
 /// The rays by which layouts of a scene are ranked.
 pub(super) struct Ranking<'a> {
     pub(super) rays: &'a Rays,
+    /// Where the scene is seen from by these rays.
+    pub(super) vantage: DVec3,
     pub(super) class: Class,
     pub(super) weights: Weights,
     /// How layouts are built.

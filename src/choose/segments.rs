@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::{DAffine3, DVec3};
+
 use super::plans::Plan;
 use crate::cost::segments::Segment;
 use crate::verify::cpu::{Reference, TwoLevel};
@@ -12,11 +14,13 @@ use crate::verify::weights::Weights;
 const FAR: f64 = 4.0;
 
 /// Plans with the segments that those by rays need: of each kind of rays that counts anything, those that count less
-/// fewer times.
-pub(crate) fn given(plans: &[Plan], trees: &TwoLevel, rays: &Rays, weights: &Weights) -> Vec<Plan> {
+/// fewer times. Trees and rays are those of the scene seen from `vantage`.
+pub(crate) fn given(plans: &[Plan], trees: &TwoLevel, rays: &Rays, weights: &Weights, vantage: DVec3) -> Vec<Plan> {
     let mut plans = plans.to_vec();
     if plans.iter().any(Plan::is_by_rays) {
-        let segments: Arc<[Segment]> = segments(trees, rays, weights).into();
+        let to_world = DAffine3::from_translation(vantage);
+        let segments = segments(trees, rays, weights).iter().map(|segment| segment.under(&to_world)).collect();
+        let segments: Arc<[Segment]> = segments;
         plans.iter_mut().filter(|plan| plan.is_by_rays()).for_each(|p| p.options.segments = Some(segments.clone()));
     }
     plans
@@ -64,7 +68,8 @@ mod tests {
         let trees = TwoLevel::build(&scene);
         let rays = rays::generate(&scene, &Reference::new(&trees), 64, 1);
         let of = |weights: [f64; 4]| {
-            let given = given(&plans(Effort::new(6), &Options::default()), &trees, &rays, &Weights(weights));
+            let given =
+                given(&plans(Effort::new(6), &Options::default()), &trees, &rays, &Weights(weights), DVec3::ZERO);
             let lengths = given.iter().filter_map(|plan| plan.options.segments.as_ref()).map(|s| s.len());
             let lengths: Vec<usize> = lengths.collect();
             assert!(lengths.iter().all(|&len| len == lengths[0]) && lengths.len() > 2);

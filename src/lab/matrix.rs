@@ -1,10 +1,13 @@
 //! Every layout of every scene: what rays meet in it, and how long they take.
 
+use glam::DVec3;
+
 use super::config::Config;
 use super::rows::{KindRow, Row};
 use crate::choose::model::{Class, Counts};
 use crate::choose::plans::Plan;
 use crate::choose::{Laid, lay_out, segments};
+use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::{self, Cache};
 use crate::scene::Scene;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
@@ -30,9 +33,9 @@ pub(super) fn measure(
     class: Class,
     config: &Config,
 ) -> Result<Vec<Row>, String> {
-    let trees = TwoLevel::build(scene);
+    let trees = TwoLevel::build_to_count(scene, &MeshTrees::default());
     let rays = rays::generate(scene, &Reference::new(&trees), config.counted_rays, config.verify.seed);
-    let plans = segments::given(&config.plans, &trees, &rays, &config.verify.weights);
+    let plans = segments::given(&config.plans, &trees, &rays, &config.verify.weights, DVec3::ZERO);
     drop(trees);
     let entries = lay_out_all(scene, &plans, config);
     let mut rows: Vec<Row> = entries.iter().map(|entry| predict(name, scene, entry, &rays, class)).collect();
@@ -71,7 +74,7 @@ fn lay_out_all(scene: &mut Scene, plans: &[Plan], config: &Config) -> Vec<Entry>
 /// What is known of a layout without a device.
 fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) -> Row {
     let stored = layout::stored(scene, &entry.laid.layout);
-    let trees = TwoLevel::build(&stored);
+    let trees = TwoLevel::build_to_count(&stored, &MeshTrees::default());
     let tracer = CpuTracer::new(&trees);
     let prices = class.prices();
     let kind = |i: usize| {

@@ -227,6 +227,12 @@ impl Scene {
         self.instance_boxes().iter().fold(Bounds::EMPTY, |all, b| all.union(b))
     }
 
+    /// Moves all that is placed.
+    pub fn translate(&mut self, by: DVec3) {
+        self.instances.iter_mut().for_each(|instance| instance.transform.translation += by);
+        self.cameras.iter_mut().for_each(|camera| camera.transform.translation += by);
+    }
+
     /// Pins instances, and the other copies of their nodes: one list of transforms serves all copies of a node, so
     /// that they stay or go together.
     pub fn pin(&mut self, instances: &[InstanceId], reason: Pinned) {

@@ -1,8 +1,8 @@
 //! `--method auto` as a whole, with the model alone: what it chooses, what it leaves alone, what it says.
 
-use crate::common::{METHODS, bake, folder_names, json_of, raykiln, samples, write};
+use crate::common::{METHODS, Opened, bake, folder_names, json_of, raykiln, samples, write};
 use glam::{DMat3, DVec3, EulerRot, dvec3};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -267,4 +267,33 @@ fn a_bound_on_extents_holds_though_the_input_is_cheaper() {
     assert!(report["after"]["mesh_groups"].as_u64().is_some_and(|n| n >= 2), "{}", report["after"]);
     let input = &report["method"]["candidates"][0];
     assert_eq!(input["outcome"], "its groups or its bytes are beyond what is allowed");
+}
+
+/// A scene of the samples far from the origin: its root nodes below one that is moved.
+fn moved(name: &str, folder: &Path, by: [f64; 3]) -> PathBuf {
+    let mut opened = Opened::read(&sample(name));
+    let nodes = opened.json["nodes"].as_array_mut().expect("nodes");
+    let root = nodes.len();
+    nodes.push(json!({"name": "moved", "translation": by}));
+    let roots = std::mem::replace(&mut opened.json["scenes"][0]["nodes"], json!([root]));
+    opened.json["nodes"][root]["children"] = roots;
+    opened.write(folder)
+}
+
+#[test]
+fn layouts_rank_far_from_the_origin_as_near_it() {
+    let folder = TempDir::new().unwrap();
+    let costs = |by: [f64; 3]| -> Vec<(String, f64, f64)> {
+        let report = auto(&moved("textured", folder.path(), by), &["--effort", "2"]).1;
+        let number = |c: &Value, key: &str| c[key].as_f64().expect("a number");
+        let all = report["method"]["candidates"].as_array().expect("candidates").iter();
+        all.map(|c| (c["name"].to_string(), number(c, "predicted_cost"), number(c, "sampled_cost"))).collect()
+    };
+    let (near, far) = (costs([0.0; 3]), costs([3e6, -1e6, 2e6]));
+    assert!(near.len() > 1, "{near:?}");
+    assert_eq!(near.len(), far.len());
+    for (near, far) in near.iter().zip(&far) {
+        assert_eq!(near.0, far.0);
+        assert!((far.1 / near.1 - 1.0).abs() < 0.2 && (far.2 / near.2 - 1.0).abs() < 0.2, "{near:?} {far:?}");
+    }
 }

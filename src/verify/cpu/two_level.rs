@@ -49,6 +49,14 @@ pub(super) struct Bottom {
     pub(super) depth: usize,
 }
 
+/// How far the boxes of instances reach beyond what is in them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Padding {
+    Nothing,
+    /// Wide enough for what single precision makes of a ray that is taken into the mesh.
+    AsRaysNeed,
+}
+
 /// An instance as rays enter it.
 #[derive(Debug)]
 pub(super) struct Entry {
@@ -70,6 +78,16 @@ impl TwoLevel {
 
     /// As [`TwoLevel::build`], where trees of the meshes are known.
     pub fn build_with(scene: &Scene, trees: &MeshTrees) -> TwoLevel {
+        TwoLevel::build_padded(scene, trees, Padding::AsRaysNeed)
+    }
+
+    /// As [`TwoLevel::build_with`], with the boxes of instances as tight as a driver's. Far from the origin rays miss a little
+    /// at the ends of boxes, which changes no cost, where padding does: it may be as large as an object there.
+    pub fn build_to_count(scene: &Scene, trees: &MeshTrees) -> TwoLevel {
+        TwoLevel::build_padded(scene, trees, Padding::Nothing)
+    }
+
+    fn build_padded(scene: &Scene, trees: &MeshTrees, padding: Padding) -> TwoLevel {
         let build = |(number, mesh): (usize, &Mesh)| Bottom::build(mesh, trees.get(MeshId(number as u32)));
         let bottom: Vec<Bottom> = scene.meshes.par_iter().enumerate().map(build).collect();
         let extent = |i: &Instance| {
@@ -79,7 +97,7 @@ impl TwoLevel {
         let scale = unit_scale(scene.instances.iter().map(extent).fold(0.0, f64::max));
         let placed: Vec<(Entry, Bounds)> = (0..scene.instances.len())
             .into_par_iter()
-            .filter_map(|i| Entry::of(i, &scene.instances[i], &bottom, scale))
+            .filter_map(|i| Entry::of(i, &scene.instances[i], &bottom, scale, padding))
             .collect();
         let (entries, boxes): (Vec<Entry>, Vec<Bounds>) = placed.into_iter().unzip();
         let tree = Tree::build(&boxes, Quality::Instances);
@@ -99,7 +117,8 @@ impl TwoLevel {
 
 impl TwoLevel {
     /// The two-level cost of the trees over an area of the scene, as [`crate::cost::two_level::TwoLevel::cost`] defines
-    /// it. Boxes are rounded outward and instances padded, so that it may come out larger by a few parts in a million.
+    /// it. Boxes are rounded outward, so that it may come out larger by a few parts in a million, and by as much as
+    /// instances are padded.
     pub fn cost(&self, scene_area: f64) -> f64 {
         let of_mesh: Vec<FaceAreas> = self.bottom.par_iter().map(|b| face_areas(&b.nodes)).collect();
         let inside = |e: &Entry| of_mesh[e.mesh as usize].cost(face_scale(&e.to_world.matrix3));
@@ -157,17 +176,27 @@ impl Bottom {
 }
 
 impl Entry {
-    /// The entry and its world box as a driver computes it, wide enough for what single precision makes of a ray
-    /// that is taken into the mesh.
-    fn of(index: usize, instance: &Instance, bottom: &[Bottom], scale: f64) -> Option<(Entry, Bounds)> {
+    /// The entry and its world box as a driver computes it, padded.
+    fn of(
+        index: usize,
+        instance: &Instance,
+        bottom: &[Bottom],
+        scale: f64,
+        padding: Padding,
+    ) -> Option<(Entry, Bounds)> {
         let mesh = &bottom[instance.mesh.0 as usize];
         let to_world = scaled(&instance.transform, scale, mesh.scale);
         let to_mesh = inverse(&to_world)?;
         let tight = mesh.bounds.transformed(&to_world);
         let finite = !tight.is_empty() && tight.min.is_finite() && tight.max.is_finite();
         let largest = Magnitude::new(&to_world, &to_mesh, mesh.bounds.min.abs().max(mesh.bounds.max.abs()));
-        // All of the scaled world lies within two units of the origin.
-        let pad = DVec3::splat((8.0 * SINGLE * largest.at(tight.min.abs().max(tight.max.abs()))).min(4.0));
+        let pad = match padding {
+            Padding::Nothing => DVec3::ZERO,
+            // All of the scaled world lies within two units of the origin.
+            Padding::AsRaysNeed => {
+                DVec3::splat((8.0 * SINGLE * largest.at(tight.min.abs().max(tight.max.abs()))).min(4.0))
+            }
+        };
         let entry =
             Entry { instance: index as u32, mesh: instance.mesh.0, mirrored: instance.mirrored(), to_world, to_mesh };
         finite.then_some((entry, Bounds { min: tight.min - pad, max: tight.max + pad }))
