@@ -33,16 +33,16 @@ const PART: usize = 1 << 17;
 /// Candidates that a thread looks at in one go.
 const AT_ONCE: usize = 64;
 
-/// The tree over some boxes within the unit cube.
-pub(super) fn build(boxes: Vec<Boxed>, params: &BvhBuildParams) -> Bvh2 {
-    match boxes.len() < FEW {
-        true => build_bvh2(&boxes, *params, &mut Duration::default()),
-        false => in_parts(boxes, params, PART),
+/// The tree over `count` boxes within the unit cube; box `i` is `boxed(i)`, computed several times.
+pub(super) fn build(count: usize, boxed: &(impl Fn(u32) -> Boxed + Sync), params: &BvhBuildParams) -> Bvh2 {
+    match count < FEW {
+        true => build_bvh2(&(0..count as u32).map(boxed).collect::<Vec<_>>(), *params, &mut Duration::default()),
+        false => in_parts(count, boxed, params, PART),
     }
 }
 
-fn in_parts(boxes: Vec<Boxed>, params: &BvhBuildParams, largest: usize) -> Bvh2 {
-    let (top, parts) = clustered(boxes, params, largest);
+fn in_parts(count: usize, boxed: &(impl Fn(u32) -> Boxed + Sync), params: &BvhBuildParams, largest: usize) -> Bvh2 {
+    let (top, parts) = clustered(count, boxed, params, largest);
     let mut bvh = joined(top, parts);
     reinsert(&mut bvh, params.reinsertion_batch_ratio);
     collapse(&mut bvh, params.max_prims_per_leaf, params.collapse_traversal_cost);
@@ -51,20 +51,25 @@ fn in_parts(boxes: Vec<Boxed>, params: &BvhBuildParams, largest: usize) -> Bvh2 
 }
 
 /// The trees by clustering alone, one box in each leaf, of parts of at most `largest` boxes, and the tree over them.
-fn clustered(boxes: Vec<Boxed>, params: &BvhBuildParams, largest: usize) -> (Bvh2, Vec<Part>) {
+fn clustered(
+    count: usize,
+    boxed: &(impl Fn(u32) -> Boxed + Sync),
+    params: &BvhBuildParams,
+    largest: usize,
+) -> (Bvh2, Vec<Part>) {
     let bounds = |i: u32| {
-        let Aabb { min, max } = boxes[i as usize].0;
+        let Aabb { min, max } = boxed(i).0;
         Bounds { min: min.as_dvec3(), max: max.as_dvec3() }
     };
     let leaf = |part: Vec<u32>| {
-        let of_part: Vec<Boxed> = part.iter().map(|&i| boxes[i as usize]).collect();
+        let of_part: Vec<Boxed> = part.iter().map(|&i| boxed(i)).collect();
         vec![Part { bvh: cluster(&of_part, params), items: part }]
     };
     let join = |mut left: Vec<Part>, right: Vec<Part>| {
         left.extend(right);
         left
     };
-    let parts = divide((0..boxes.len() as u32).collect(), largest, &bounds, &leaf, &join);
+    let parts = divide((0..count as u32).collect(), largest, &bounds, &leaf, &join);
     let roots: Vec<Boxed> = parts.iter().map(|part| Boxed(*part.bvh.nodes[0].aabb())).collect();
     (cluster(&roots, params), parts)
 }
@@ -187,6 +192,10 @@ mod tests {
         (0..count).map(one).collect()
     }
 
+    fn of(boxes: &[Boxed]) -> impl Fn(u32) -> Boxed + Sync {
+        |i| boxes[i as usize]
+    }
+
     fn cost(bvh: &Bvh2) -> f32 {
         bvh.nodes.iter().map(|n| n.aabb().half_area() * n.prim_count.max(1) as f32).sum()
     }
@@ -196,7 +205,7 @@ mod tests {
         let (boxes, params) = (boxes(20_000), BvhBuildParams::medium_build());
         let whole = cost(&build_bvh2(&boxes, params, &mut Duration::default()));
         for largest in [3000, 20_000] {
-            let bvh = in_parts(boxes.clone(), &params, largest);
+            let bvh = in_parts(boxes.len(), &of(&boxes), &params, largest);
             bvh.validate(&boxes, false, false);
             let mut items = bvh.primitive_indices.clone();
             items.sort_unstable();
@@ -222,7 +231,7 @@ mod tests {
         let (boxes, params) = (boxes(20_000), BvhBuildParams::medium_build());
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-            let bvh = pool.install(|| in_parts(boxes.clone(), &params, 3000));
+            let bvh = pool.install(|| in_parts(boxes.len(), &of(&boxes), &params, 3000));
             let nodes = bvh.nodes.iter().map(|n| (n.min.to_array(), n.max.to_array(), n.prim_count, n.first_index));
             (nodes.collect::<Vec<_>>(), bvh.primitive_indices)
         };
@@ -233,7 +242,7 @@ mod tests {
     fn equal_boxes_are_divided_all_the_same() {
         let equal = vec![boxes(1)[0]; 1000];
         let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
-        let bvh = in_parts(equal.clone(), &params, 300);
+        let bvh = in_parts(equal.len(), &of(&equal), &params, 300);
         bvh.validate(&equal, false, false);
         assert_eq!(bvh.nodes.len(), 1999);
     }

@@ -4,8 +4,6 @@
 //! TVCG 24(3), 2018, with D. Meister, J. Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy Optimization",
 //! Computer Graphics Forum 37(2), 2018, as the crate `obvhs` builds them. Equal input gives an equal tree. The tree holds no boxes: [`Tree::refit`] computes them in whatever frame and precision is wanted.
 
-use std::borrow::Cow;
-
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -192,6 +190,11 @@ enum Part<'a> {
 }
 
 impl Items {
+    /// How many there are.
+    fn count(&self) -> usize {
+        self.ones.len() + self.crowds.len()
+    }
+
     /// The tree of many boxes that item `i` is, if it is not one box.
     fn crowd(&self, i: u32) -> Option<&Tree> {
         (i as usize).checked_sub(self.ones.len()).map(|crowd| &self.crowds[crowd])
@@ -200,40 +203,34 @@ impl Items {
 
 /// The tree over some items, in parts where there are very many.
 fn build_members(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
-    let of_part = |part: Vec<u32>| {
-        let boxes: Vec<Bounds> = part.par_iter().with_min_len(CHUNK).map(|&i| bounds(i)).collect();
-        let mut tree = build_over((0..boxes.len() as u32).collect(), quality, Cow::Owned(boxes));
-        tree.order.iter_mut().for_each(|i| *i = part[*i as usize]);
-        tree
-    };
-    divide(members, PART, bounds, &of_part, &joined)
+    divide(members, PART, bounds, &|part| build_over(part, quality, bounds), &joined)
 }
 
-/// The tree over some of the boxes, which are let go of when they have been seen.
-fn build_over(members: Vec<u32>, quality: Quality, boxes: Cow<[Bounds]>) -> Tree {
-    let (ones, crowds) = crowded_cells(&members, &boxes);
+/// The tree over some of the boxes. No box is kept: boxes take more memory than what they are computed from, at the time
+/// when most is needed.
+fn build_over(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
+    let (ones, crowds) = crowded_cells(&members, bounds);
     if ones.is_empty() && crowds.len() == 1 {
         return halved(members, quality.equal_leaf());
     }
     drop(members);
-    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
+    let around = |crowd: &Vec<u32>| crowd.iter().fold(Bounds::EMPTY, |all, &i| all.union(&bounds(i)));
     let crowd_bounds = crowds.iter().map(around).collect();
-    let crowds = crowds.into_par_iter().map(|crowd| build_over(crowd, quality, Cow::Borrowed(&boxes))).collect();
+    let crowds = crowds.into_par_iter().map(|crowd| build_over(crowd, quality, bounds)).collect();
     let items = Items { ones, crowds, crowd_bounds };
-    let seen = in_unit_cube(&items, &boxes);
-    drop(boxes);
-    cluster(&items, seen, quality)
+    let seen = in_unit_cube(&items, bounds);
+    cluster(&items, &seen, quality)
 }
 
 /// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
 /// in the order of the members. Cells are those of the members' centroids, so that all members are one crowd only
 /// if their centroids are equal.
-fn crowded_cells(members: &[u32], boxes: &[Bounds]) -> (Vec<u32>, Vec<Vec<u32>>) {
-    let of_chunk = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| boxes[i as usize].center()));
+fn crowded_cells(members: &[u32], bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<Vec<u32>>) {
+    let of_chunk = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| bounds(i).center()));
     let centroids = members.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let cells_per_unit = 1.0 / centroids.size().max_element() * f64::from(1 << 20);
     let cell = |i: u32| -> u64 {
-        let offset = boxes[i as usize].center() - centroids.min;
+        let offset = bounds(i).center() - centroids.min;
         let scaled = if cells_per_unit.is_finite() { offset * cells_per_unit } else { DVec3::ZERO };
         (scaled.x as u64) << 42 | (scaled.y as u64) << 21 | scaled.z as u64
     };
@@ -268,8 +265,8 @@ fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
 }
 
 /// The tree of locally ordered clustering, with the trees of crowds grafted in.
-fn cluster(items: &Items, boxes: Vec<Boxed>, quality: Quality) -> Tree {
-    let bvh = clustering::build(boxes, &quality.params());
+fn cluster(items: &Items, boxed: &(impl Fn(u32) -> Boxed + Sync), quality: Quality) -> Tree {
+    let bvh = clustering::build(items.count(), boxed, &quality.params());
     let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.ones.len()) };
     if bvh.nodes.is_empty() {
         return tree;
@@ -336,18 +333,23 @@ fn singles(list: &[u32], items: &Items) -> Option<Vec<u32>> {
 /// tell them apart by, and clustering equals takes quadratic time.
 const REACH: f32 = 1.0 / (1 << 22) as f32;
 
-/// The boxes moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
+/// The boxes of items moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
 /// builder's single precision.
-fn in_unit_cube(items: &Items, boxes: &[Bounds]) -> Vec<Boxed> {
-    let ones = || items.ones.par_iter().with_min_len(CHUNK).map(|&i| boxes[i as usize]);
-    let crowds = || items.crowd_bounds.par_iter().with_min_len(CHUNK).copied();
-    let all = ones().chain(crowds()).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
+fn in_unit_cube(items: &Items, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> impl Fn(u32) -> Boxed + Sync {
+    let of_item = move |item: u32| match items.ones.get(item as usize) {
+        Some(&one) => bounds(one),
+        None => items.crowd_bounds[item as usize - items.ones.len()],
+    };
+    let every = (0..items.count() as u32).into_par_iter().with_min_len(CHUNK);
+    let all = every.map(of_item).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let center = all.center();
     let scale = 1.0 / all.size().max_element();
     let scale = if scale.is_finite() { scale } else { 0.0 };
-    let point = |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
-    let boxed = |b: Bounds| Boxed(Aabb::new(point(b.min) - REACH, point(b.max) + REACH));
-    ones().chain(crowds()).map(boxed).collect()
+    let point = move |p: DVec3| Vec3A::from((scale * (p - center)).as_vec3());
+    move |item| {
+        let Bounds { min, max } = of_item(item);
+        Boxed(Aabb::new(point(min) - REACH, point(max) + REACH))
+    }
 }
 
 #[cfg(test)]

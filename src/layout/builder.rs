@@ -83,7 +83,11 @@ impl Geometries {
 
     /// The geometries.
     pub(super) fn finish(self) -> Vec<GroupGeometry> {
-        self.0.into_values().collect()
+        let fitted = |mut geometry: GroupGeometry| {
+            geometry.triangles.shrink_to_fit();
+            geometry
+        };
+        self.0.into_values().map(fitted).collect()
     }
 }
 

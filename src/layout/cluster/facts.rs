@@ -53,6 +53,9 @@ pub(super) struct Own {
     pub(super) loose: f64,
 }
 
+/// For every node of a tree a frame of its own, where there is one: few nodes have one.
+pub(super) type OwnFrames = Vec<Option<Box<Own>>>;
+
 /// What is summed up and joined from the bottom up.
 #[derive(Clone, Copy)]
 struct Sums {
@@ -146,11 +149,11 @@ pub(super) fn own_frames(
     base: &Turned,
     by: &Turning,
     known: impl Fn(usize) -> Option<Option<Own>> + Sync,
-) -> Vec<Option<Own>> {
+) -> OwnFrames {
     let find = |refit: &mut Refit, node: usize| {
         facts[node].could_be_turned(by).then(|| own_frame(soup, tree, node as u32, base, refit)).flatten()
     };
-    let try_node = |refit: &mut Refit, node: usize| known(node).unwrap_or_else(|| find(refit, node));
+    let try_node = |refit: &mut Refit, node: usize| known(node).unwrap_or_else(|| find(refit, node)).map(Box::new);
     (0..tree.nodes.len()).into_par_iter().with_max_len(64).map_init(Refit::default, try_node).collect()
 }
 

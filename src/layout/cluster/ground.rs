@@ -4,7 +4,7 @@ use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use super::facts::{self, Facts, Own, Turning};
+use super::facts::{self, Facts, OwnFrames, Turning};
 use super::met::Met;
 use super::programme::{self, Group, Known};
 use super::refit::Refit;
@@ -46,7 +46,7 @@ struct ByRays {
 
 /// What may leave.
 struct Parts {
-    own: Vec<Option<Own>>,
+    own: OwnFrames,
     units: Vec<Unit>,
 }
 
@@ -169,7 +169,7 @@ impl Ground {
         let (tree, known) = self.tree.retaining(|triangle| stays[triangle as usize]);
         let mut facts = facts::facts(&self.soup, &tree, &self.base);
         let own = self.parts().map_or(&[][..], |parts| &parts.own);
-        let known = |node: usize| known[node].map(|node| own[node as usize]);
+        let known = |node: usize| known[node].map(|node| own[node as usize].as_deref().copied());
         let mut own = facts::own_frames(&self.soup, &tree, &facts, &self.base, &self.turning, known);
         if !segments.is_empty() {
             let met = Met::new(&self.soup, &tree, &facts, &self.base, segments);

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
 use glam::DAffine3;
 use rayon::prelude::*;
 
-use super::facts::{Facts, Own};
+use super::facts::{Facts, Own, OwnFrames};
 use super::soup::{Soup, Turned};
 use super::units::Unit;
 use crate::cost::sah::{INTERSECTION, TRAVERSAL};
@@ -83,10 +83,13 @@ impl Met {
     }
 
     /// Frames of their own, by rays: another frame saves the same share of what rays meet as of what lines meet.
-    pub(super) fn own(&self, own: &[Option<Own>]) -> Vec<Option<Own>> {
-        let by_rays = |(at, own): (usize, &Option<Own>)| {
-            own.map(|own| Own { inside: self.of_inside[at] * own.inside, loose: self.of_box[at] * own.loose, ..own })
+    pub(super) fn own(&self, own: &[Option<Box<Own>>]) -> OwnFrames {
+        let scaled = |at: usize, own: &Own| Own {
+            inside: self.of_inside[at] * own.inside,
+            loose: self.of_box[at] * own.loose,
+            ..*own
         };
+        let by_rays = |(at, own): (usize, &Option<Box<Own>>)| own.as_deref().map(|own| Box::new(scaled(at, own)));
         own.iter().enumerate().map(by_rays).collect()
     }
 
@@ -232,8 +235,8 @@ mod tests {
         let met = met(&known, &[up; 100]);
         let mut own = vec![None; known.facts.len()];
         let half = Own { frame: Turned::NOT, inside: 0.5 * known.facts[near].inside, loose: known.facts[near].loose };
-        own[near] = Some(half);
-        let found = met.own(&own)[near].expect("there was one");
+        own[near] = Some(Box::new(half));
+        let found = met.own(&own)[near].take().expect("there was one");
         assert!((found.inside / met.facts()[near].inside - 0.5).abs() < 1e-12);
         assert!((found.loose / met.facts()[near].loose - 1.0).abs() < 1e-12);
     }

@@ -23,7 +23,7 @@ pub(super) struct Known<'a> {
     pub(super) tree: &'a Tree,
     pub(super) facts: &'a [Facts],
     /// For every node a frame of its own, where one fits better.
-    pub(super) own: &'a [Option<Own>],
+    pub(super) own: &'a [Option<Box<Own>>],
     /// The frame of the tree.
     pub(super) base: Turned,
 }
@@ -160,7 +160,7 @@ fn decide(known: &Known, limits: &Limits) -> Vec<Decision> {
         let children = (!node.is_leaf()).then(|| [decisions[node.first as usize], decisions[node.first as usize + 1]]);
         let stays = children.map_or(fact.inside, |[a, b]| TRAVERSAL * fact.area + a.inside + b.inside);
         let allowed = limits.allow(fact.triangles, fact.extent);
-        let own = known.own[at].filter(|_| allowed && fact.triangles >= limits.min_turned);
+        let own = known.own[at].as_deref().filter(|_| allowed && fact.triangles >= limits.min_turned);
         let leaves = own.map_or(f64::INFINITY, |own| limits.leaving_cost() * own.loose + own.inside);
         // A leaf cannot be divided, and is a group whatever its size.
         let group = if allowed || children.is_none() { limits.entry_cost * fact.loose + stays } else { f64::INFINITY };
@@ -220,5 +220,5 @@ fn push_with_leavers(known: &Known, decisions: &[Decision], root: u32, groups: &
 /// All items below a node, in its own frame.
 fn turned(known: &Known, node: u32) -> Option<Group> {
     let items = known.tree.order[known.tree.items_below(node)].to_vec();
-    known.own[node as usize].map(|own| Group { items, frame: own.frame })
+    known.own[node as usize].as_deref().map(|own| Group { items, frame: own.frame })
 }

@@ -25,7 +25,8 @@ impl Soup {
         let bounds = scene.bounds();
         let (middle, unit) = (bounds.center(), 2.0 / bounds.diagonal());
         let unit = if unit.is_finite() { unit } else { 1.0 };
-        let mut soup = Soup { refs: Vec::new(), corners: Vec::new(), middle, unit, objects: vec![0] };
+        let count = objects.iter().map(|object| object.geometry(scene).triangles.len()).sum();
+        let mut soup = Soup { refs: Vec::with_capacity(count), corners: Vec::new(), middle, unit, objects: vec![0] };
         for object in objects {
             soup.refs.extend(object.triangles(scene));
             soup.objects.push(soup.refs.len() as u32);
