@@ -74,6 +74,16 @@ pub(super) enum Command {
     Man,
 }
 
+impl Command {
+    /// Whether it may take much memory.
+    pub(super) fn reads_scenes(&self) -> bool {
+        match self {
+            Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) | Command::Lab { .. } => true,
+            Command::Devices { .. } | Command::Completions { .. } | Command::Man => false,
+        }
+    }
+}
+
 const BAKE_EXAMPLES: &str = "Examples:
   raykiln bake conference.obj -o conference.glb
   raykiln bake scene.gltf -o baked.glb --method overlap --skip-overlap-ratio 0.005

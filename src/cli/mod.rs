@@ -1,6 +1,7 @@
 //! The command line: parses it, runs the command, prints its result, and turns it into an exit status.
 
 mod args;
+mod heap;
 mod progress;
 
 use std::fs;
@@ -28,6 +29,9 @@ const BAD: u8 = 2;
 /// Runs the program on the process's arguments.
 pub fn run() -> ExitCode {
     let arguments = Arguments::parse();
+    if arguments.command.reads_scenes() {
+        heap::limit();
+    }
     match dispatch(&arguments) {
         Ok(status) => status,
         // A reader that has seen enough, such as `head`, is no error.

@@ -1,9 +1,11 @@
 //! The command line: what goes to which stream, which files are written, which status is returned.
 
-use crate::common::{METHODS, folder_names, raykiln, samples};
+use crate::common::{METHODS, folder_names, raykiln, samples, write};
 use serde_json::Value;
+use std::fmt::Write;
 use std::fs;
 use std::path::PathBuf;
+use std::process::Command;
 use tempfile::TempDir;
 
 fn sample(name: &str) -> PathBuf {
@@ -203,4 +205,43 @@ fn a_report_that_cannot_be_written_is_refused_before_any_output() {
     assert_eq!(ran.status, 2);
     assert!(ran.stderr.contains("there is no folder"), "{}", ran.stderr);
     assert!(folder_names(outputs.path()).is_empty());
+}
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[test]
+fn freed_memory_is_given_back_unless_the_environment_says_otherwise() {
+    let folder = TempDir::new().unwrap();
+    let side = 300;
+    let mut text = String::new();
+    for (i, j) in (0..=side).flat_map(|i| (0..=side).map(move |j| (i, j))) {
+        let height = f64::from(i * j % 17) * 0.1;
+        writeln!(text, "v {i} {height} {j}").expect("a string takes all");
+    }
+    for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
+        let at = i * (side + 1) + j + 1;
+        writeln!(text, "f {} {} {}\nf {} {} {}", at, at + 1, at + side + 2, at, at + side + 2, at + side + 1)
+            .expect("a string takes all");
+    }
+    let input = write(folder.path(), "hills.obj", text);
+    let peak = |limits: &[(&str, &str)]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_raykiln"));
+        command.args([
+            "bake",
+            "--device",
+            "cpu",
+            "--rays",
+            "500",
+            "--repeats",
+            "1",
+            "--threads",
+            "2",
+            "--json",
+            "--quiet",
+        ]);
+        command.arg(&input).arg("-o").arg(folder.path().join("out.glb")).envs(limits.iter().copied());
+        let report: Value = serde_json::from_slice(&command.output().unwrap().stdout).expect("JSON");
+        report["peak_memory_bytes"].as_f64().expect("a number")
+    };
+    let [limited, free] = [&[][..], &[("MALLOC_MMAP_THRESHOLD_", "33554432")]].map(peak);
+    assert!(limited < 0.9 * free, "{limited} bytes for {free}");
 }
