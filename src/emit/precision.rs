@@ -4,7 +4,7 @@ use glam::{DAffine3, Vec3};
 use rayon::prelude::*;
 
 use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
-use crate::scene::{Bounds, InstanceId, Scene};
+use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 
 /// What [`settle`] did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,34 +17,38 @@ pub struct Settled {
     pub refused: Vec<InstanceId>,
 }
 
+/// Rounding must not move a corner farther than this share of the diagonal of its own instance: in a wide scene the limit
+/// for the scene is larger than small objects are.
+const OF_OWN_SIZE: f64 = 1e-3;
+
 /// Stores each baked group relative to its centre where rounding world positions to single precision would move a
-/// vertex farther than `max_error_ratio` of the scene's diagonal, or of the group's own: a small object far from the
-/// origin keeps its shape. Names the instances, also those opened into pieces that are stored in frames, that would still exceed the ratio of the scene's diagonal.
+/// vertex farther than `max_error_ratio` of the scene's diagonal, or of the group's own, or than a thousandth of its
+/// instance's own: a small object far from the origin keeps its shape. Names the instances, also those opened into pieces
+/// that are stored in frames, that would still exceed the ratio of the scene's diagonal, or a thousandth of their own.
 pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settled {
     let limit = max_error_ratio * scene.bounds().diagonal();
+    let limits: Vec<f64> = scene.instance_boxes().iter().map(|own| limit.min(own_limit(own))).collect();
     let mut settled = Settled::default();
     for group in &mut layout.groups {
         let Content::Baked { frame, geometries } = &mut group.content else { continue };
-        let mut error = largest_error(scene, geometries, *frame);
-        if error == 0.0 {
+        let mut rounded = rounded(scene, geometries, *frame, &limits);
+        if rounded.error == 0.0 {
             continue;
         }
         let bounds = bounds(scene, geometries);
-        if error > limit.min(max_error_ratio * bounds.diagonal()) {
+        if rounded.error > max_error_ratio * bounds.diagonal() || !rounded.refused.is_empty() {
             frame.translation = bounds.stored_center();
             settled.centred += 1;
-            error = largest_error(scene, geometries, *frame);
+            rounded = self::rounded(scene, geometries, *frame, &limits);
         }
-        settled.error = settled.error.max(error);
-        if error > limit {
-            settled.refused.extend(geometries.iter().flat_map(|g| g.triangles.iter().map(|t| InstanceId(t.instance))));
-        }
+        settled.error = settled.error.max(rounded.error);
+        settled.refused.extend(rounded.refused);
     }
     let errors = piece_errors(scene, layout);
     for placement in &layout.placements {
         let error = errors[placement.group as usize] * stretch(placement);
         settled.error = settled.error.max(error);
-        settled.refused.extend(placement.instance.filter(|_| error > limit));
+        settled.refused.extend(placement.instance.filter(|i| error > limits[i.0 as usize]));
     }
     settled.refused.sort_unstable();
     settled.refused.dedup();
@@ -56,8 +60,38 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settl
     settled
 }
 
-/// The largest distance, in world units, between a corner and its position stored in `frame`.
-fn largest_error(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3) -> f64 {
+/// How far a corner of an instance within a box may move; any distance where the box is a point and has no shape to keep.
+fn own_limit(own: &Bounds) -> f64 {
+    if own.diagonal() > 0.0 { OF_OWN_SIZE * own.diagonal() } else { f64::INFINITY }
+}
+
+/// What rounding does to the triangles of a group.
+#[derive(Default)]
+struct Rounded {
+    /// The largest distance, in world units, between a corner and its stored position.
+    error: f64,
+    /// Instances with a corner beyond their limit, some of them repeatedly.
+    refused: Vec<InstanceId>,
+}
+
+impl Rounded {
+    fn with(mut self, instance: InstanceId, error: f64, limit: f64) -> Rounded {
+        self.error = self.error.max(error);
+        if error > limit && self.refused.last() != Some(&instance) {
+            self.refused.push(instance);
+        }
+        self
+    }
+
+    fn and(mut self, other: Rounded) -> Rounded {
+        self.error = self.error.max(other.error);
+        self.refused.extend(other.refused);
+        self
+    }
+}
+
+/// What storing a group in `frame` comes to; `limits` are those of the scene's instances, in world units.
+fn rounded(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3, limits: &[f64]) -> Rounded {
     let into = frame.inverse();
     let error = |world_from_mesh: &DAffine3, corner: Vec3| {
         let group_from_mesh = into * *world_from_mesh;
@@ -66,15 +100,14 @@ fn largest_error(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3) -
         }
         moved(&group_from_mesh, corner)
     };
-    geometries
-        .par_iter()
-        .flat_map(|g| g.triangles.par_iter())
-        .map(|&at| {
-            let origin = scene.origin(at);
-            let corners = scene.meshes[origin.mesh.0 as usize].corners(origin.triangle);
-            corners.into_iter().map(|c| error(&origin.transform, c)).fold(0.0, f64::max)
-        })
-        .reduce(|| 0.0, f64::max)
+    let of_triangle = |all: Rounded, &at: &TriangleRef| {
+        let origin = scene.origin(at);
+        let corners = scene.meshes[origin.mesh.0 as usize].corners(origin.triangle);
+        let error = corners.into_iter().map(|c| error(&origin.transform, c)).fold(0.0, f64::max);
+        all.with(InstanceId(at.instance), error, limits[at.instance as usize])
+    };
+    let triangles = geometries.par_iter().flat_map(|g| g.triangles.par_iter());
+    triangles.fold(Rounded::default, of_triangle).reduce(Rounded::default, Rounded::and)
 }
 
 /// For every group the largest distance between a corner and its position stored in the frame of a piece, in units of

@@ -356,7 +356,7 @@ fn a_small_object_in_a_large_scene_keeps_its_shape() {
     let doc = document(
         json!([
             {"mesh": 0, "scale": [1e3, 1e3, 1e3]},
-            {"mesh": 0, "translation": [700.3, 0.0, 0.0], "scale": [1e-2, 1e-2, 1e-2]}
+            {"mesh": 0, "translation": [700.3, 0.0, 0.0], "scale": [1e-1, 1e-1, 1e-1]}
         ]),
         json!({"primitives": [surface(0)]}),
     );
@@ -368,6 +368,25 @@ fn a_small_object_in_a_large_scene_keeps_its_shape() {
     geometries[0].triangles.retain(|t| t.instance == 1);
     let settled = settle(&scene, &mut layout, 1e-6);
     assert_eq!((settled.centred, settled.refused.len()), (1, 0));
+}
+
+#[test]
+fn an_object_too_small_for_a_group_over_a_wide_scene_is_refused() {
+    let doc = document(
+        json!([
+            {"mesh": 0, "scale": [1e3, 1e3, 1e3]},
+            {"mesh": 0, "translation": [700.3, 0.0, 0.0], "scale": [1e-3, 1e-3, 1e-3]}
+        ]),
+        json!({"primitives": [surface(0)]}),
+    );
+    let scene = load(&doc);
+    let mut layout = baked(&scene);
+    let settled = settle(&scene, &mut layout, 1e-6);
+    assert_eq!(settled.refused, [InstanceId(1)]);
+    assert!(settled.error < 1e-6 * scene.bounds().diagonal());
+    let Content::Baked { geometries, .. } = &mut layout.groups[0].content else { unreachable!() };
+    geometries[0].triangles.retain(|t| t.instance == 1);
+    assert_eq!(settle(&scene, &mut layout, 1e-6).refused, []);
 }
 
 #[test]
