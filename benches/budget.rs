@@ -3,7 +3,8 @@
 //! "trees" is the time of `auto --effort 2` without a device over that of one tree over the same triangles, placed, as
 //! `obvhs` builds it at medium quality in one thread; the least of some runs, in turns. "CPU trees" is the same of the time
 //! that all threads of the bake computed (Linux; `-` elsewhere). "memory" is the largest resident set of the bake over the
-//! bytes of the geometry: all vertex attributes and indices of the input as glTF, without images.
+//! bytes of the geometry: all vertex attributes and indices of the input as glTF, without images. "tree memory" is the same
+//! of a process that reads the file and builds that one tree.
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -20,13 +21,18 @@ use serde_json::Value;
 const RUNS: usize = 3;
 
 fn main() -> ExitCode {
+    if let Some(file) = std::env::args().skip(1).skip_while(|a| a != TREE_ONLY).nth(1) {
+        return only_a_tree(Path::new(&file));
+    }
     let (threads, files) = parse(std::env::args().skip(1));
     if files.is_empty() {
         eprintln!("usage: cargo bench --bench budget -- [--threads N] FILE...");
         return ExitCode::from(2);
     }
-    println!("| scene | triangles | tree s | bake s | trees | CPU trees | peak MB | geometry MB | memory |");
-    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
+    println!(
+        "| scene | triangles | tree s | bake s | trees | CPU trees | peak MB | geometry MB | memory | tree memory |"
+    );
+    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     let mut status = ExitCode::SUCCESS;
     for file in &files {
         match row(Path::new(file), &threads) {
@@ -38,6 +44,35 @@ fn main() -> ExitCode {
         }
     }
     status
+}
+
+/// What a process of this program is told that builds a tree and nothing else.
+const TREE_ONLY: &str = "--only-a-tree";
+
+/// Builds the tree of a file and prints the KiB of the largest resident set, where the system tells (proc(5)).
+fn only_a_tree(file: &Path) -> ExitCode {
+    match geometry(file) {
+        Ok((boxes, _)) => {
+            tree_seconds(&boxes);
+            let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+            let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+            println!("{}", peak.map_or("", |kilobytes| kilobytes.trim().trim_end_matches(" kB")));
+            ExitCode::SUCCESS
+        }
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The largest resident set of reading a file and building its tree, in a process that gives back what it frees as the
+/// program does.
+fn tree_bytes(file: &Path) -> Result<f64, String> {
+    let mut command = Command::new(std::env::current_exe().map_err(|e| e.to_string())?);
+    let output = command.arg(TREE_ONLY).arg(file).env("MALLOC_MMAP_THRESHOLD_", "131072").output();
+    let printed = String::from_utf8(output.map_err(|e| e.to_string())?.stdout).map_err(|e| e.to_string())?;
+    Ok(printed.trim().parse().map_or(f64::NAN, |kilobytes: f64| 1024.0 * kilobytes))
 }
 
 /// The number of threads, two where none is asked for, and the files. Cargo adds an argument `--bench` of its own.
@@ -65,13 +100,14 @@ fn row(file: &Path, threads: &str) -> Result<String, String> {
     }
     let cpu_trees = if cpu.is_finite() { format!("{:.1}", cpu / tree) } else { "-".to_owned() };
     Ok(format!(
-        "| {} | {} | {tree:.2} | {bake:.2} | {:.1} | {cpu_trees} | {:.0} | {:.1} | {:.1} |",
+        "| {} | {} | {tree:.2} | {bake:.2} | {:.1} | {cpu_trees} | {:.0} | {:.1} | {:.1} | {:.1} |",
         file.file_name().unwrap_or_default().to_string_lossy(),
         boxes.len(),
         bake / tree,
         peak / 1e6,
         geometry / 1e6,
         peak / geometry,
+        tree_bytes(file)? / geometry,
     ))
 }
 

@@ -19,12 +19,12 @@ pub struct Settled {
 
 /// Rounding must not move a corner farther than this share of the diagonal of its own instance: in a wide scene the limit
 /// for the scene is larger than small objects are.
-const OF_OWN_SIZE: f64 = 1e-3;
+const OF_OWN_SIZE: f64 = 1e-4;
 
 /// Stores each baked group relative to its centre where rounding world positions to single precision would move a
-/// vertex farther than `max_error_ratio` of the scene's diagonal, or of the group's own, or than a thousandth of its
+/// vertex farther than `max_error_ratio` of the scene's diagonal, or of the group's own, or than a ten-thousandth of its
 /// instance's own: a small object far from the origin keeps its shape. Names the instances, also those opened into pieces
-/// that are stored in frames, that would still exceed the ratio of the scene's diagonal, or a thousandth of their own.
+/// that are stored in frames, that would still exceed the ratio of the scene's diagonal, or a ten-thousandth of their own.
 pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settled {
     let limit = max_error_ratio * scene.bounds().diagonal();
     let limits: Vec<f64> = scene.instance_boxes().iter().map(|own| limit.min(own_limit(own))).collect();

@@ -16,7 +16,7 @@ pub(super) fn drop_empty_nodes(document: &mut Document, input_nodes: usize, note
         notes.push(format!("no node was pruned: the extension {extension} may refer to it"));
         return 0;
     }
-    if elements(&mut document.json, "nodes").any(|n| n.get("extras").is_some_and(|e| !e.is_object())) {
+    if !elements(&mut document.json, "nodes").all(|node| can_be_recorded(node)) {
         notes.push("no node was pruned: the extras of a node leave no room to record its old number".into());
         return 0;
     }
@@ -33,6 +33,13 @@ pub(super) fn drop_empty_nodes(document: &mut Document, input_nodes: usize, note
         renumber(&mut document.json, &renumbered);
     }
     pruned
+}
+
+/// Whether a node's extras have room for what the program says of it.
+fn can_be_recorded(node: &Value) -> bool {
+    let is_free = |value: Option<&Value>| value.is_none_or(Value::is_object);
+    let extras = node.get("extras");
+    is_free(extras) && is_free(extras.and_then(|extras| extras.get("raykiln")))
 }
 
 fn node_referring_extension(json: &Value) -> Option<String> {
