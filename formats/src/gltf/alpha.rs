@@ -119,5 +119,8 @@ fn view_bytes(doc: &Document, index: &At<'_>) -> Result<Bytes, Error> {
     let views = root.need("bufferViews")?;
     let view = views.element(number).ok_or_else(|| index.error("is missing"))?;
     let (buffer, range) = view_range(doc, &view)?;
-    Ok(doc.buffers[buffer].slice(range))
+    let bytes = doc.buffers[buffer].slice(range);
+    // A slice keeps all of the buffer for as long as the image is there.
+    let is_small = bytes.len() < doc.buffers[buffer].len() / 2;
+    Ok(if is_small { Bytes::copy_from_slice(&bytes) } else { bytes })
 }
