@@ -20,3 +20,4 @@ pub mod layout;
 pub mod report;
 pub mod scene;
 pub mod verify;
+mod words;

@@ -12,8 +12,8 @@ use crate::copies::{self, Copies, Likeness};
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::report::Pass;
-use crate::report::text::bytes;
 use crate::scene::Scene;
+use crate::words::{bytes, counted};
 
 /// Whether copies are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -88,7 +88,7 @@ fn apply(
     let [copies, models] = [found.list.len(), found.models()];
     let words = match copies {
         1 => "1 mesh is a copy of another".to_owned(),
-        _ => format!("{copies} meshes are copies of {models}"),
+        _ => format!("{} are copies of {models}", counted(copies, "mesh")),
     };
     let blas_per = options.verify.build.blas_per;
     copies::apply(scene, found);
@@ -105,7 +105,12 @@ fn apply(
         copies::undo(scene);
         return (before.clone(), false, format!("{words}, but sharing them saves only {}", bytes(saved)));
     }
-    (metrics, true, format!("{words}; {} saved", bytes(stored_bytes(doc, scene, found))))
+    let stored = bytes(stored_bytes(doc, scene, found));
+    let reason = format!(
+        "{words}; sharing saves {stored} of stored geometry and {} of predicted acceleration structures",
+        bytes(saved)
+    );
+    (metrics, true, reason)
 }
 
 /// Bytes of the accessors that only the copies' meshes use.

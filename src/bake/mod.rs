@@ -12,16 +12,17 @@ pub use copies::FindCopies;
 use raykiln_formats::document::Staged;
 use raykiln_formats::{Document, Warning};
 
-use crate::choose::{self, ChooseOptions, Chosen};
+use crate::choose::{self, Choice, ChooseOptions, Chosen};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::{self, Metrics};
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::{self, Layout, Method};
-use crate::report::{self, BakeReport, Input, Pass, Seconds, Verdict};
+use crate::report::{self, BakeReport, Input, Pass, Seconds, Speed, Told, Verdict};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::build::BlasPer;
 use crate::verify::weights::Weights;
 use crate::verify::{DeviceError, Machine, Verification, VerifyOptions};
+use crate::words::counted;
 use clock::Clock;
 
 /// What a bake may be told.
@@ -50,6 +51,31 @@ impl BakeOptions {
             false => Instancing::Nodes,
         };
         emit::Options { prune: self.prune, instancing }
+    }
+
+    /// What of it the report repeats.
+    fn told(&self) -> Told {
+        let (choose, layout, verify) = (&self.choose, &self.choose.layout, &self.verify);
+        let if_set = |asked: bool, forbidden: bool| match (asked, forbidden, choose.method) {
+            (false, false, Choice::Auto) => None,
+            _ => Some(asked && !forbidden),
+        };
+        Told {
+            effort: choose.effort.level(),
+            device_class: choose.class.name(),
+            weights: verify.weights.into(),
+            seed: verify.seed,
+            rays: verify.rays_per_kind,
+            repeats: verify.repeats,
+            max_position_error_ratio: verify.max_position_error_ratio,
+            max_bytes_ratio: choose.max_bytes_ratio(),
+            max_group_triangles: layout.max_group_triangles,
+            max_group_extent_ratio: layout.max_group_extent_ratio,
+            isolate: if_set(layout.isolate, choose.forbidden.isolate),
+            split_opacity: if_set(layout.split_opacity, choose.forbidden.split_opacity),
+            frames: layout.frames,
+            keep: self.load.keep.clone(),
+        }
     }
 }
 
@@ -91,7 +117,7 @@ pub fn bake(
     let before = measure_with(&scene, &trees, blas_per);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
-    let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
+    let (shared, mut copies) = copies::share(&doc, &mut scene, &trees, &before, options);
     let chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
     let given = Given { doc: &doc, scene: &mut scene, trees: &trees };
@@ -100,16 +126,25 @@ pub fn bake(
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
 
+    if let Some(pass) = copies.as_mut().filter(|pass| pass.applied && written.unchanged) {
+        (pass.applied, pass.reason) = (false, format!("{}; but the input is left alone", pass.reason));
+    }
+    let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
+    let method = chosen.report.with_written(&after, verification.position_error_ratio, seconds);
+    let told = options.told();
     let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(input.to_owned(), &scene),
         output: output.to_owned(),
+        verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, &told),
+        options: told,
         blas_per,
         before,
+        overall,
         verdict,
-        method: chosen.report.with_written(&after, verification.position_error_ratio, seconds),
+        method,
         after,
         passes: copies.into_iter().chain(chosen.passes).chain(written.passes).collect(),
         notes: [chosen.layout.notes, written.notes, verification.notes.clone(), profiles].concat(),
@@ -196,7 +231,7 @@ impl Tried {
         clock: &mut Clock,
     ) -> Result<(Chosen, Tried), BakeError> {
         let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
-        if tried.verdict != Verdict::NotFaster || !chosen.measured || emit::is_unchanged(&chosen.layout) {
+        if tried.verdict != Verdict::NotFaster || !chosen.may_be_left_alone || emit::is_unchanged(&chosen.layout) {
             return Ok((chosen, tried));
         }
         let chosen = chosen.left_alone(given.scene);
@@ -261,7 +296,8 @@ fn write(
     if options.prune {
         let reason = match pruned {
             0 => "every node shows something or is referred to".to_owned(),
-            n => format!("{n} nodes showed nothing and nothing referred to them"),
+            1 => "1 node showed nothing and nothing referred to it".to_owned(),
+            n => format!("{} showed nothing and nothing referred to them", counted(n, "node")),
         };
         pass("prune", pruned > 0, reason);
     }
@@ -282,12 +318,17 @@ fn words_of_copies(copied: &Copied) -> String {
     let Copied { nodes, copies, stay } = *copied;
     let stay = match stay {
         0 => String::new(),
+        1 => "; 1 stays a node, as no translation, rotation and scale come close enough to its transform".to_owned(),
         n => format!("; {n} stay nodes, as no translation, rotation and scale come close enough to their transforms"),
     };
     match nodes {
         0 => format!("no two instances of one mesh can become copies of one node{stay}"),
-        1 => format!("{copies} instances are copies of 1 node: {} nodes fewer place a mesh{stay}", copies - 1),
-        n => format!("{copies} instances are copies of {n} nodes: {} nodes fewer place a mesh{stay}", copies - nodes),
+        _ => format!(
+            "{} are copies of {}: {} fewer place a mesh{stay}",
+            counted(copies, "instance"),
+            counted(nodes, "node"),
+            counted(copies - nodes, "node")
+        ),
     }
 }
 

@@ -16,6 +16,7 @@ use crate::verify::Lap;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
+use crate::words::counted;
 
 /// A candidate and what is known of it.
 pub(super) struct Candidate {
@@ -50,6 +51,8 @@ pub(crate) struct Laid {
     pub(super) pins: Vec<Option<Pinned>>,
     /// The largest distance between a corner and its stored position, over the diagonal of the scene.
     pub(crate) position_error_ratio: f64,
+    /// Instances that it leaves as they are only because of that.
+    pub(super) held_back: usize,
 }
 
 /// The scene of a layout before its axes are turned.
@@ -162,6 +165,7 @@ impl Candidate {
             sampled_cost: Some(self.sampled_cost),
             measured_mrays_per_s: overall.map(|o| o.after_mrays_per_s),
             measured_speedup_ratio: overall.map(|o| o.speedup_ratio),
+            measured_spread_ratio: overall.map(|o| o.spread_ratio),
             outcome: self.outcome.clone(),
             as_bytes: self.as_bytes,
             position_error_ratio: Some(self.laid.position_error_ratio),
@@ -224,26 +228,35 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
 
     let start = Instant::now();
     let mut settled = emit::settle(scene, &mut layout, max_error_ratio);
-    let mut refused = 0;
+    let mut held_back = 0;
     while !settled.refused.is_empty() {
-        refused += settled.refused.len();
+        held_back += settled.refused.len();
         scene.pin(&settled.refused, Pinned::Precision);
         layout = layout::run_with(cache, plan.method, scene, &plan.options);
         settled = emit::settle(scene, &mut layout, max_error_ratio);
     }
-    if refused > 0 {
+    if held_back > 0 {
         layout.notes.push(format!(
-            "{refused} instances stay as they are: written out, their vertices would move farther than allowed"
+            "{} as before: written out, their vertices would move farther than {max_error_ratio:e} of the scene's \
+             diagonal",
+            match held_back {
+                1 => "1 instance stays".to_owned(),
+                n => format!("{} stay", counted(n, "instance")),
+            }
         ));
     }
     let reason = match settled.centred {
         0 => "rounding stays within the limit where the groups are stored".to_owned(),
-        n => format!("{n} groups are stored around their centre so that rounding stays within the limit"),
+        1 => "1 group is stored around its centre so that rounding stays within the limit".to_owned(),
+        n => {
+            let groups = counted(n, "group");
+            format!("{groups} are stored around their centres so that rounding stays within the limit")
+        }
     };
     passes.push(pass("centre frames", settled.centred > 0, &reason, start));
     let pins = scene.instances.iter().map(|i| i.pinned).collect();
     scene.instances.iter_mut().zip(pins_before).for_each(|(instance, pin)| instance.pinned = pin);
     let diagonal = scene.bounds().diagonal();
     let position_error_ratio = if settled.error == 0.0 { 0.0 } else { settled.error / diagonal };
-    Laid { layout: Arc::new(layout), axes: 0, passes, pins, position_error_ratio }
+    Laid { layout: Arc::new(layout), axes: 0, passes, pins, position_error_ratio, held_back }
 }

@@ -1,9 +1,10 @@
 //! The decision between candidates.
 
+use super::bounds::Bounds;
 use super::candidate::Candidate;
 use super::plans::Effort;
 use crate::layout::Method;
-use crate::verify::weights::Weights;
+use crate::verify::weights::{Overall, Weights};
 
 /// A candidate that was only predicted must cost less than this share of the input to be worth a change.
 const WORTH_A_CHANGE: f64 = 0.95;
@@ -15,24 +16,15 @@ const SURER_THAN_SINGLE: f64 = 0.9;
 /// Layouts whose measured times differ by less than this share are equal: the one with fewer bytes is taken.
 const EQUAL: f64 = 0.003;
 
-/// Lengths that were computed in different ways may differ by this share.
-const ROUNDING: f64 = 1e-6;
-
-/// What a layout may take.
-pub(super) struct Bounds {
-    /// Predicted bytes of acceleration structures.
-    pub(super) most_bytes: f64,
-    /// Triangles of a group that could be divided; `None`: any number.
-    pub(super) most_triangles: Option<u32>,
-    /// Longest side of the world box of such a group, in world units; infinite: any length.
-    pub(super) longest: f64,
-}
-
 /// What was decided.
 pub(super) struct Decision {
     /// Index of the candidate.
     pub(super) winner: usize,
     pub(super) reason: String,
+    /// Whether a candidate keeps to the bounds; else the input is taken, which does not.
+    pub(super) keeps: bool,
+    /// Whether the input keeps to the bounds, so that it may still be written instead.
+    pub(super) may_be_left_alone: bool,
 }
 
 /// The candidates to be timed: the single BLAS and the best others by prediction, in their order.
@@ -48,76 +40,340 @@ pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize>
 /// Takes the candidate that was measured to be the fastest, or else predicted to be clearly cheaper; the input, which is
 /// the first one, where nothing beats it. Says of every candidate why it was chosen or not.
 pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, bounds: &Bounds, measured: bool) -> Decision {
-    let allowed = bounds.allow(candidates);
-    let (winner, reason) = match measured {
-        true => fastest(candidates, weights, &allowed),
-        false => cheapest(candidates, &allowed),
+    let refusals = bounds.refusals(candidates);
+    let keeps = refusals.contains(&None);
+    let choice = Choice { candidates, weights, refusals: &refusals };
+    let (winner, reason) = match (keeps, measured) {
+        (false, _) => (0, choice.words_of_none()),
+        (true, true) => choice.fastest(),
+        (true, false) => choice.cheapest(),
     };
-    for (i, candidate) in candidates.iter_mut().enumerate() {
-        if i == winner {
-            candidate.outcome = format!("chosen: {reason}");
-        } else if !allowed[i] {
-            candidate.outcome = "its groups or its bytes are beyond what is allowed".to_owned();
-        } else if candidate.outcome.is_empty() {
-            candidate.outcome = match (measured, candidate.lap.is_some()) {
-                (true, true) => "measured to be slower, or not faster by more than the spread",
-                (true, false) if i == 0 => "another is faster",
-                (true, false) if candidate.brief.is_some() => "timed briefly to be slower than another of its kind",
-                (true, false) => "predicted to cost more than those that were measured",
-                (false, _) => "predicted not to cost clearly less",
+    let outcomes: Vec<String> = (0..candidates.len())
+        .map(|i| match &refusals[i] {
+            _ if i == winner => format!("chosen: {reason}"),
+            Some(refusal) => refusal.clone(),
+            None if !candidates[i].outcome.is_empty() => candidates[i].outcome.clone(),
+            None if measured => choice.outcome_measured(i, winner),
+            None => choice.outcome_predicted(i, winner),
+        })
+        .collect();
+    let may_be_left_alone = refusals.first().is_none_or(Option::is_none);
+    candidates.iter_mut().zip(outcomes).for_each(|(candidate, outcome)| candidate.outcome = outcome);
+    Decision { winner, reason, keeps, may_be_left_alone }
+}
+
+/// Candidates, and what of each is beyond the bounds.
+struct Choice<'a> {
+    candidates: &'a [Candidate],
+    weights: &'a Weights,
+    refusals: &'a [Option<String>],
+}
+
+impl Choice<'_> {
+    fn speed(&self, i: usize) -> Option<Overall> {
+        self.candidates[i].speed(self.weights)
+    }
+
+    fn cost(&self, i: usize) -> f64 {
+        self.candidates[i].sampled_cost
+    }
+
+    fn name(&self, i: usize) -> &str {
+        &self.candidates[i].plan.name
+    }
+
+    fn is_allowed(&self, i: usize) -> bool {
+        self.refusals[i].is_none()
+    }
+
+    fn is_faster(speed: &Overall) -> bool {
+        speed.is_faster() && speed.speedup_ratio > 1.0 + EQUAL
+    }
+
+    /// The one of some candidates that costs least; the first of several.
+    fn least(&self, of: impl Iterator<Item = usize>) -> Option<usize> {
+        of.min_by(|&a, &b| self.cost(a).total_cmp(&self.cost(b)).then(a.cmp(&b)))
+    }
+
+    fn words_of_none(&self) -> String {
+        let refusal = self.refusals.first().and_then(Option::as_deref).unwrap_or("no candidate");
+        format!("no candidate keeps to all that is allowed, and the input stays as it is: {refusal}")
+    }
+
+    fn fastest(&self) -> (usize, String) {
+        let timed = || (0..self.candidates.len()).filter_map(|i| Some((i, self.speed(i)?)));
+        let must_change = !self.is_allowed(0);
+        let allowed: Vec<(usize, f64)> = timed()
+            .filter(|(i, speed)| self.is_allowed(*i) && (must_change || Self::is_faster(speed)))
+            .map(|(i, speed)| (i, speed.speedup_ratio))
+            .collect();
+        let best = allowed.iter().map(|f| f.1).fold(0.0, f64::max);
+        let equal = allowed.into_iter().filter(|f| f.1 >= (1.0 - EQUAL) * best);
+        let refused = || timed().find(|(i, speed)| !self.is_allowed(*i) && Self::is_faster(speed)).map(|(i, _)| i);
+        match (equal.min_by_key(|f| self.candidates[f.0].as_bytes), refused()) {
+            (Some((i, speedup)), _) if must_change => {
+                (i, self.words_of_change(&format!("measured {speedup:.3} times as fast as the input")))
+            }
+            (Some((i, speedup)), _) => (i, format!("measured {speedup:.3} times as fast as the input, the fastest")),
+            (None, _) if must_change => self.cheapest(),
+            (None, Some(i)) => {
+                let refusal = self.refusals[i].as_deref().unwrap_or_default();
+                let name = self.name(i);
+                (
+                    0,
+                    format!(
+                        "nothing within what is allowed was measured faster than the input by more than the spread; `{name}` was: {refusal}"
+                    ),
+                )
+            }
+            (None, None) => (0, "no candidate was measured faster than the input by more than the spread".to_owned()),
+        }
+    }
+
+    /// Why a candidate is taken though the input might be better.
+    fn words_of_change(&self, what: &str) -> String {
+        let refusal = self.refusals[0].as_deref().unwrap_or_default();
+        format!("{what}, the best within what is allowed; the input is not: {refusal}")
+    }
+
+    /// The single BLAS, where it may be taken.
+    fn single(&self) -> Option<usize> {
+        (0..self.candidates.len()).find(|&i| self.candidates[i].plan.method == Method::Single && self.is_allowed(i))
+    }
+
+    fn cheapest(&self) -> (usize, String) {
+        let input = self.cost(0);
+        let single = self.single();
+        let bar = single.map_or(f64::INFINITY, |i| SURER_THAN_SINGLE * self.cost(i));
+        let is_sure = |i: usize| Some(i) == single || self.cost(i) < bar;
+        let best = self.least((1..self.candidates.len()).filter(|&i| self.is_allowed(i) && is_sure(i)));
+        let refused =
+            || (1..self.candidates.len()).filter(|&i| !self.is_allowed(i) && self.cost(i) < WORTH_A_CHANGE * input);
+        if let Some(i) = best.filter(|&i| self.cost(i) < WORTH_A_CHANGE * input || !self.is_allowed(0)) {
+            let what = format!(
+                "predicted to take {} picoseconds a ray, the input {}",
+                picoseconds(self.cost(i)),
+                picoseconds(input)
+            );
+            let reason = if self.is_allowed(0) { what } else { self.words_of_change(&what) };
+            return (i, format!("{reason}; nothing was measured"));
+        }
+        let nothing = match self.least(refused()) {
+            None => "nothing is predicted to cost clearly less than the input".to_owned(),
+            Some(i) => format!(
+                "nothing within what is allowed is predicted to cost clearly less than the input; `{}` would, at {:.2} of it: {}",
+                self.name(i),
+                self.cost(i) / input,
+                self.refusals[i].as_deref().unwrap_or_default()
+            ),
+        };
+        (0, format!("{nothing}; nothing was measured"))
+    }
+
+    fn outcome_measured(&self, i: usize, winner: usize) -> String {
+        let candidate = &self.candidates[i];
+        let Some(speed) = self.speed(i) else {
+            return match (i, candidate.brief) {
+                (0, _) => "another was measured faster",
+                (_, Some(_)) => "timed briefly to be slower than another of its kind",
+                (_, None) => "not measured: predicted to cost more than those that were",
             }
             .to_owned();
-        }
-    }
-    Decision { winner, reason }
-}
-
-impl Bounds {
-    /// Which candidates keep to the bounds on bytes and groups; the input, which is the first, where none does.
-    pub(super) fn allow(&self, candidates: &[Candidate]) -> Vec<bool> {
-        let largest = self.most_triangles.map_or(usize::MAX, |n| n as usize);
-        // No method makes a triangle shorter: what the best of them leaves is as good as the bound.
-        let shortest = candidates.iter().map(|c| c.longest_group).fold(f64::INFINITY, f64::min);
-        let longest = self.longest.max(shortest) * (1.0 + ROUNDING);
-        let allows = |c: &Candidate| {
-            let in_bounds = c.largest_group <= largest && c.longest_group <= longest;
-            in_bounds && (c.is_input() || c.as_bytes as f64 <= self.most_bytes)
         };
-        let mut allowed: Vec<bool> = candidates.iter().map(allows).collect();
-        if !allowed.contains(&true) {
-            allowed.iter_mut().take(1).for_each(|input| *input = true);
+        let ratio = speed.speedup_ratio;
+        match self.speed(winner) {
+            _ if ratio < 1.0 - speed.spread_ratio => "measured slower than the input".to_owned(),
+            _ if !Self::is_faster(&speed) => "measured no faster than the input beyond the spread".to_owned(),
+            Some(best) if ratio >= (1.0 - EQUAL) * best.speedup_ratio => {
+                "as fast as the one chosen, which takes fewer bytes".to_owned()
+            }
+            Some(best) => format!("measured {:.3} times as fast as the one chosen", ratio / best.speedup_ratio),
+            None => "another was chosen".to_owned(),
         }
-        allowed
+    }
+
+    fn outcome_predicted(&self, i: usize, winner: usize) -> String {
+        let of = |other: usize| self.cost(i) / self.cost(other);
+        let chosen = of(winner);
+        match self.single() {
+            // The bars that keep a candidate from being taken, cheaper as it is than the one chosen.
+            _ if winner == 0 && (WORTH_A_CHANGE..1.0).contains(&chosen) => {
+                format!("predicted at {chosen:.2} of the input: only less than {WORTH_A_CHANGE} is worth a change")
+            }
+            Some(single) if i != single && chosen < 1.0 => {
+                let chosen = of(single);
+                format!("predicted at {chosen:.2} of `single`: only less than {SURER_THAN_SINGLE} is taken instead")
+            }
+            _ => format!("predicted to cost {chosen:.2} times as much as the one chosen"),
+        }
     }
 }
 
-fn fastest(candidates: &[Candidate], weights: &Weights, allowed: &[bool]) -> (usize, String) {
-    let overall = |i: usize| candidates[i].speed(weights);
-    let faster = (0..candidates.len()).filter(|&i| allowed[i]).filter_map(|i| {
-        let overall = overall(i)?;
-        (overall.is_faster() && overall.speedup_ratio > 1.0 + EQUAL).then_some((i, overall.speedup_ratio))
-    });
-    let faster: Vec<(usize, f64)> = faster.collect();
-    let best = faster.iter().map(|f| f.1).fold(0.0, f64::max);
-    let equal = faster.into_iter().filter(|f| f.1 >= (1.0 - EQUAL) * best);
-    match equal.min_by_key(|f| candidates[f.0].as_bytes) {
-        Some((i, speedup)) => (i, format!("measured {speedup:.3} times as fast as the input, the fastest")),
-        None => (0, "no candidate was measured faster than the input by more than the spread".to_owned()),
+/// Picoseconds, with as many digits as tell anything.
+fn picoseconds(cost: f64) -> String {
+    match cost {
+        c if c < 10.0 => format!("{c:.2}"),
+        c if c < 100.0 => format!("{c:.1}"),
+        c => format!("{c:.0}"),
     }
 }
 
-fn cheapest(candidates: &[Candidate], allowed: &[bool]) -> (usize, String) {
-    let input = candidates[0].sampled_cost;
-    let single = (0..candidates.len()).find(|&i| candidates[i].plan.method == Method::Single && allowed[i]);
-    let bar = single.map_or(f64::INFINITY, |i| SURER_THAN_SINGLE * candidates[i].sampled_cost);
-    let best = (1..candidates.len())
-        .filter(|&i| allowed[i] && (Some(i) == single || candidates[i].sampled_cost < bar))
-        .min_by(|&a, &b| candidates[a].sampled_cost.total_cmp(&candidates[b].sampled_cost).then(a.cmp(&b)));
-    match best.filter(|&i| candidates[i].sampled_cost < WORTH_A_CHANGE * input || !allowed[0]) {
-        Some(i) => {
-            let cost = candidates[i].sampled_cost;
-            (i, format!("predicted to take {cost:.0} picoseconds a ray, the input {input:.0}; nothing was measured"))
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DAffine3;
+
+    use super::super::candidate::Laid;
+    use super::super::plans::Plan;
+    use super::*;
+    use crate::layout::{Content, Group, Layout, Options};
+    use crate::verify::Lap;
+    use crate::verify::build::BlasPer;
+    use crate::verify::speed::{KindSpeed, Kinds};
+
+    fn candidate(name: &str, method: Method, sampled_cost: f64, as_bytes: u64, largest_group: usize) -> Candidate {
+        let baked =
+            Group { name: name.into(), content: Content::Baked { frame: DAffine3::IDENTITY, geometries: vec![] } };
+        let groups = if method == Method::Keep { vec![] } else { vec![baked] };
+        let laid = Laid {
+            layout: Arc::new(Layout { groups, ..Layout::default() }),
+            axes: 0,
+            passes: vec![],
+            pins: vec![],
+            position_error_ratio: 0.0,
+            held_back: 0,
+        };
+        Candidate {
+            plan: Plan { name: name.into(), method, options: Options::default() },
+            laid,
+            predicted_cost: sampled_cost,
+            sampled_cost,
+            as_bytes,
+            largest_group,
+            longest_group: 0.0,
+            lap: None,
+            brief: None,
+            seconds: 0.0,
+            outcome: String::new(),
         }
-        None => (0, "nothing is predicted to cost clearly less than the input; nothing was measured".to_owned()),
+    }
+
+    fn bounds(most_bytes_ratio: f64, most_triangles: Option<u32>) -> Bounds {
+        Bounds {
+            most_bytes_ratio,
+            is_asked_for: true,
+            input_bytes: 1000,
+            most_triangles,
+            longest_ratio: f64::INFINITY,
+            extent: 1.0,
+            blas_per: BlasPer::Mesh,
+        }
+    }
+
+    fn timed(mut candidate: Candidate, speedup_ratio: f64) -> Candidate {
+        let kind =
+            KindSpeed { before_mrays_per_s: 1.0, after_mrays_per_s: speedup_ratio, speedup_ratio, spread_ratio: 0.01 };
+        candidate.lap =
+            Some(Lap { kinds: Kinds { primary: kind, shadow: kind, diffuse: kind, random: kind }, built: None });
+        candidate
+    }
+
+    fn decided(mut candidates: Vec<Candidate>, bounds: &Bounds, measured: bool) -> (Decision, Vec<String>) {
+        let decision = decide(&mut candidates, &Weights::default(), bounds, measured);
+        (decision, candidates.into_iter().map(|c| c.outcome).collect())
+    }
+
+    fn three(largest: usize) -> Vec<Candidate> {
+        vec![
+            candidate("keep", Method::Keep, 100.0, 1000, 5000),
+            candidate("single", Method::Single, 70.0, 1310, 9000),
+            candidate("cluster", Method::Cluster, 60.0, 1100, largest),
+        ]
+    }
+
+    #[test]
+    fn what_a_bound_refused_is_no_reason_to_claim_that_nothing_is_cheaper() {
+        let (decision, outcomes) = decided(three(400), &bounds(1.0, None), false);
+        assert_eq!((decision.winner, decision.keeps), (0, true));
+        assert!(
+            decision.reason.contains("within what is allowed") && decision.reason.contains("`cluster` would, at 0.60")
+        );
+        assert_eq!(outcomes[1], "1.31 times the input's bytes, 1 allowed");
+        assert!(outcomes[0].starts_with("chosen: "));
+    }
+
+    #[test]
+    fn outcomes_tell_bytes_from_groups() {
+        let (decision, outcomes) = decided(three(400), &bounds(1.25, Some(500)), false);
+        assert_eq!(decision.winner, 2);
+        assert!(
+            decision.reason.contains("the input is not: a group of 5,000 triangles, 500 allowed"),
+            "{}",
+            decision.reason
+        );
+        assert_eq!(outcomes[1], "1.31 times the input's bytes, 1.25 allowed; a group of 9,000 triangles, 500 allowed");
+        assert!(!decision.may_be_left_alone);
+    }
+
+    #[test]
+    fn the_smallest_groups_stand_for_a_bound_that_no_candidate_keeps() {
+        assert_eq!(decided(three(8), &bounds(1.25, Some(3)), false).0.winner, 2);
+    }
+
+    #[test]
+    fn where_no_candidate_keeps_to_all_bounds_the_input_stays() {
+        let (decision, outcomes) = decided(three(400), &bounds(1.0, Some(500)), false);
+        assert_eq!((decision.winner, decision.keeps), (0, false));
+        assert!(outcomes[0].contains("no candidate keeps to all that is allowed"), "{}", outcomes[0]);
+        assert_eq!(outcomes[2], "1.10 times the input's bytes, 1 allowed");
+    }
+
+    #[test]
+    fn outcomes_say_than_what_a_candidate_costs_more() {
+        let mut all = three(400);
+        all.push(candidate("bvh", Method::Bvh, 65.0, 1000, 10));
+        (all[1].as_bytes, all[2].sampled_cost) = (1000, 140.0);
+        let (decision, outcomes) = decided(all, &bounds(1.25, None), false);
+        assert_eq!(decision.winner, 1);
+        assert_eq!(outcomes[0], "predicted to cost 1.43 times as much as the one chosen");
+        assert_eq!(outcomes[2], "predicted to cost 2.00 times as much as the one chosen");
+        assert_eq!(outcomes[3], "predicted at 0.93 of `single`: only less than 0.9 is taken instead");
+    }
+
+    #[test]
+    fn what_is_too_close_to_the_input_is_not_said_to_cost_more() {
+        let mut all = three(400);
+        (all[1].sampled_cost, all[2].sampled_cost) = (97.0, 120.0);
+        all[1].as_bytes = 1000;
+        let (decision, outcomes) = decided(all, &bounds(1.25, None), false);
+        assert_eq!(decision.winner, 0);
+        assert_eq!(outcomes[1], "predicted at 0.97 of the input: only less than 0.95 is worth a change");
+    }
+
+    #[test]
+    fn an_input_beyond_the_bounds_is_not_kept_because_it_is_fastest() {
+        let mut all = three(400);
+        let cluster = timed(all.remove(2), 0.8);
+        all.push(cluster);
+        let (decision, outcomes) = decided(all, &bounds(1.25, Some(500)), true);
+        assert_eq!((decision.winner, decision.may_be_left_alone), (2, false));
+        assert!(outcomes[2].contains("measured 0.800 times as fast as the input, the best within what is allowed"));
+    }
+
+    #[test]
+    fn measured_outcomes_tell_slower_from_not_faster() {
+        let mut all = three(400);
+        all.push(candidate("bvh", Method::Bvh, 65.0, 1000, 10));
+        let speeds = [1.5, 0.9, 1.2];
+        let rest = all.split_off(1).into_iter().zip(speeds).map(|(c, speed)| timed(c, speed));
+        all.extend(rest);
+        all.push(timed(candidate("overlap", Method::Overlap, 65.0, 1000, 10), 1.005));
+        let (decision, outcomes) = decided(all, &bounds(2.0, None), true);
+        assert_eq!(decision.winner, 1);
+        assert_eq!(outcomes[0], "another was measured faster");
+        assert_eq!(outcomes[2], "measured slower than the input");
+        assert_eq!(outcomes[3], "measured 0.800 times as fast as the one chosen");
+        assert_eq!(outcomes[4], "measured no faster than the input beyond the spread");
     }
 }

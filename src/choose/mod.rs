@@ -5,6 +5,7 @@
 //! always competes, and wins where nothing beats it. What counts is the layout as its consumer builds it: with one BLAS a
 //! primitive, each geometry of a group is a group of its own.
 
+mod bounds;
 mod candidate;
 mod decide;
 pub mod model;
@@ -25,12 +26,14 @@ use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::tree::Tree;
 use crate::layout::{self, Cache, Layout, Method, PlacedTrees};
-use crate::report::{MethodReport, Pass};
+use crate::report::{self, DecidedBy, MethodReport, Pass};
 use crate::scene::Scene;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Care, Machine, MachineKind, VerifyOptions};
+use crate::words::counted;
+use bounds::{Bounds, Origin};
 use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
@@ -48,12 +51,24 @@ pub enum Choice {
 }
 
 impl Choice {
-    fn name(self) -> &'static str {
+    /// The name on the command line and in reports.
+    pub fn name(self) -> &'static str {
         match self {
             Choice::Auto => "auto",
             Choice::Method(method) => method.name(),
         }
     }
+}
+
+/// What `auto` must not try, though it might pay.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Forbidden {
+    /// Groups of their own for what encloses the rest or lies far outside.
+    pub isolate: bool,
+    /// Groups of their own for triangles that are not opaque.
+    pub split_opacity: bool,
+    /// Instances opened or written out where that is predicted to pay, mesh by mesh.
+    pub choose_instances: bool,
 }
 
 /// What choosing may be told.
@@ -67,6 +82,16 @@ pub struct ChooseOptions {
     pub effort: Effort,
     /// What kind of device the rays of the user run on, for predictions.
     pub class: Class,
+    /// What is ruled out.
+    pub forbidden: Forbidden,
+}
+
+impl ChooseOptions {
+    /// Predicted bytes of acceleration structures allowed over the input's; `None`: any.
+    pub fn max_bytes_ratio(&self) -> Option<f64> {
+        let of_auto = Some(AUTO_MAX_BYTES_RATIO).filter(|_| self.method == Choice::Auto);
+        self.layout.max_bytes_ratio.or(of_auto)
+    }
 }
 
 /// Bytes of acceleration structures that `auto` allows over the input's where the user sets no limit.
@@ -82,8 +107,10 @@ pub struct Chosen {
     pub report: MethodReport,
     /// What was done and left out.
     pub passes: Vec<Pass>,
-    /// Whether it was measured to be the fastest, rather than predicted or asked for.
-    pub measured: bool,
+    /// Whether the input as it is may be written instead, if this one turns out not to be faster: it was measured to be the
+    /// fastest, rather than predicted or asked for, and the input keeps to what is allowed.
+    pub may_be_left_alone: bool,
+    bounds: Bounds,
 }
 
 impl Chosen {
@@ -93,11 +120,27 @@ impl Chosen {
         let reason = format!("{} was not faster than the input when it was verified", self.report.chosen_candidate);
         let keep = Method::Keep.name();
         let mut passes = self.passes;
-        passes.iter_mut().filter(|pass| passes::OF_LAYOUT.contains(&pass.name)).for_each(|pass| {
+        passes.iter_mut().filter(|pass| pass.applied && pass.name != passes::MEASURING).for_each(|pass| {
             (pass.applied, pass.reason) = (false, "the input is left alone".to_owned());
         });
-        let report = MethodReport { chosen: keep, chosen_candidate: keep.to_owned(), reason, ..self.report };
-        Chosen { layout, trees: Vec::new(), report, passes, ..self }
+        let mut candidates = self.report.candidates;
+        for candidate in &mut candidates {
+            if candidate.name == self.report.chosen_candidate {
+                candidate.outcome = "measured to be the fastest, but not faster when it was verified".to_owned();
+            } else if candidate.name == keep {
+                candidate.outcome = format!("chosen: {reason}");
+            }
+        }
+        let chosen_candidate = keep.to_owned();
+        let report = MethodReport { chosen: keep, chosen_candidate, reason, candidates, ..self.report };
+        Chosen { layout, trees: Vec::new(), report, passes, ..self }.with_notes(scene, Origin::Chosen(Method::Keep))
+    }
+
+    /// Notes what of the layout is beyond what the user allows.
+    fn with_notes(mut self, scene: &Scene, origin: Origin) -> Chosen {
+        let notes = self.bounds.notes(scene, &self.layout, origin);
+        self.layout.notes.extend(notes);
+        self
     }
 }
 
@@ -112,16 +155,29 @@ pub fn choose(
     options: &ChooseOptions,
     verify: &VerifyOptions,
 ) -> Chosen {
+    let [input, before] = metrics;
+    let bounds = Bounds {
+        most_bytes_ratio: options.max_bytes_ratio().unwrap_or(f64::INFINITY),
+        is_asked_for: options.layout.max_bytes_ratio.is_some(),
+        input_bytes: input.as_bytes(),
+        most_triangles: options.layout.max_group_triangles,
+        longest_ratio: options.layout.max_group_extent_ratio.unwrap_or(f64::INFINITY),
+        extent: scene.bounds().size().max_element(),
+        blas_per: verify.build.blas_per,
+    };
     match options.method {
-        Choice::Method(method) => asked_for(scene, method, options, verify),
-        Choice::Auto => {
-            let [input, before] = metrics;
-            best(scene, &Choosing { trees, before, machine, options, verify }, input)
-        }
+        Choice::Method(method) => asked_for(scene, method, options, verify, bounds),
+        Choice::Auto => best(scene, &Choosing { trees, before, machine, options, verify }, bounds),
     }
 }
 
-fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify: &VerifyOptions) -> Chosen {
+fn asked_for(
+    scene: &mut Scene,
+    method: Method,
+    options: &ChooseOptions,
+    verify: &VerifyOptions,
+    bounds: Bounds,
+) -> Chosen {
     let plan = Plan { name: method.name().to_owned(), method, options: told(&options.layout, verify) };
     let mut cache = Cache::serving([&plan.options]);
     let laid = lay_out(&mut cache, scene, &plan, verify.max_position_error_ratio);
@@ -129,10 +185,12 @@ fn asked_for(scene: &mut Scene, method: Method, options: &ChooseOptions, verify:
         requested: options.method.name(),
         chosen: method.name(),
         chosen_candidate: method.name().to_owned(),
+        decided_by: DecidedBy::Request,
         reason: "asked for".to_owned(),
         candidates: Vec::new(),
     };
-    finish(scene, laid, &cache.into_trees(), report, Vec::new(), false)
+    finish(scene, laid, &cache.into_trees(), (report, Vec::new()), (bounds, false))
+        .with_notes(scene, Origin::Asked(method))
 }
 
 /// What the methods are told, and how the consumer builds what they lay out.
@@ -152,19 +210,13 @@ struct Choosing<'a> {
     verify: &'a VerifyOptions,
 }
 
-/// The best candidate. `input` are the metrics that bound bytes.
-fn best(scene: &mut Scene, choosing: &Choosing, input: &Metrics) -> Chosen {
+/// The best candidate within the bounds.
+fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let Choosing { options, verify, .. } = *choosing;
-    let max_bytes_ratio = options.layout.max_bytes_ratio.unwrap_or(AUTO_MAX_BYTES_RATIO);
-    let told = layout::Options { max_bytes_ratio: Some(max_bytes_ratio), ..told(&options.layout, verify) };
-    let extent = scene.bounds().size().max_element();
-    let bounds = decide::Bounds {
-        most_bytes: max_bytes_ratio * input.as_bytes() as f64,
-        most_triangles: told.max_group_triangles,
-        longest: told.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
-    };
-    let (plans, mut passes) = passes::worth_a_try(scene, choosing.before, plans::plans(options.effort, &told));
-    let (mut candidates, placed) = choosing.evaluate(scene, &plans);
+    let told = layout::Options { max_bytes_ratio: options.max_bytes_ratio(), ..told(&options.layout, verify) };
+    let plans = plans::plans(options.effort, &told);
+    let (plans, mut passes) = passes::worth_a_try(scene, choosing.before, plans, options);
+    let Evaluated { mut candidates, placed, held_back } = choosing.evaluate(scene, &plans);
     let start = Instant::now();
     let contenders = decide::contenders(&candidates, options.effort);
     let mut raced = choosing.race(scene, &mut candidates, &contenders, Care::Full);
@@ -174,23 +226,71 @@ fn best(scene: &mut Scene, choosing: &Choosing, input: &Metrics) -> Chosen {
     passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
     let measured = raced.is_ok_and(|count| count > 0);
     let decision = decide::decide(&mut candidates, &verify.weights, &bounds, measured);
-    let reports = candidates.iter().map(|c| c.report(&verify.weights)).collect();
+    let reports = reports(&candidates, &held_back, verify);
     let winner = candidates.swap_remove(decision.winner);
+    passes::tell_used(&mut passes, scene, &winner.plan, &winner.laid.layout);
     let report = MethodReport {
         requested: "auto",
         chosen: winner.plan.method.name(),
         chosen_candidate: winner.plan.name.clone(),
+        decided_by: if measured { DecidedBy::Measurement } else { DecidedBy::Prediction },
         reason: decision.reason,
         candidates: reports,
     };
     scene.instances.iter_mut().zip(&winner.laid.pins).for_each(|(instance, pin)| instance.pinned = *pin);
-    finish(scene, winner.laid, &placed, report, passes, measured)
+    let origin = if decision.keeps { Origin::Chosen(winner.plan.method) } else { Origin::NoneKeeps };
+    let may_be_left_alone = measured && decision.may_be_left_alone;
+    finish(scene, winner.laid, &placed, (report, passes), (bounds, may_be_left_alone)).with_notes(scene, origin)
+}
+
+/// The entries of the report: of all candidates, and of those that come to another one only because rounding must not move
+/// vertices too far. The input, which is the first, is its own measure where others were timed.
+fn reports(candidates: &[Candidate], held_back: &[HeldBack], verify: &VerifyOptions) -> Vec<report::Candidate> {
+    let mut reports: Vec<report::Candidate> = candidates.iter().map(|c| c.report(&verify.weights)).collect();
+    let timed = candidates.iter().find_map(|c| c.speed(&verify.weights));
+    if let (Some(input), Some(timed)) = (reports.first_mut(), timed) {
+        input.measured_mrays_per_s = Some(timed.before_mrays_per_s);
+        (input.measured_speedup_ratio, input.measured_spread_ratio) = (Some(1.0), Some(0.0));
+    }
+    let of_held_back = |held: &HeldBack| {
+        let same = &reports[held.same_as];
+        let stay = if held.instances == 1 {
+            "1 instance stays"
+        } else {
+            &format!("{} stay", counted(held.instances, "instance"))
+        };
+        let outcome = format!(
+            "comes to `{}`: {stay}, as written out vertices would move farther than {:e} of the diagonal",
+            same.name, verify.max_position_error_ratio
+        );
+        report::Candidate { name: held.name.clone(), outcome, seconds: held.seconds, ..same.clone() }
+    };
+    let more: Vec<report::Candidate> = held_back.iter().map(of_held_back).collect();
+    reports.extend(more);
+    reports
+}
+
+/// A plan that comes to the same as another one because instances stay whose vertices rounding would move too far.
+struct HeldBack {
+    name: String,
+    /// Index of the candidate.
+    same_as: usize,
+    instances: usize,
+    seconds: f64,
+}
+
+/// What is known of plans.
+struct Evaluated {
+    /// Those that differ.
+    candidates: Vec<Candidate>,
+    /// The trees that laying them out built.
+    placed: PlacedTrees,
+    held_back: Vec<HeldBack>,
 }
 
 impl Choosing<'_> {
-    /// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs. Gives
-    /// also the trees that laying out built.
-    fn evaluate(&self, scene: &mut Scene, plans: &[Plan]) -> (Vec<Candidate>, PlacedTrees) {
+    /// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs.
+    fn evaluate(&self, scene: &mut Scene, plans: &[Plan]) -> Evaluated {
         let Choosing { trees, options, verify, .. } = *self;
         let vantage = vantage(scene);
         let seen = (vantage != DVec3::ZERO).then(|| {
@@ -206,7 +306,7 @@ impl Choosing<'_> {
         let plans = segments::given(plans, &of_input, &rays, &verify.weights, vantage);
         let picoseconds = ranking.picoseconds(&of_input);
         drop(of_input);
-        let (laid, placed) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
+        let (laid, placed, held_back) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
         let known = Known { trees, placed: &placed, cost: self.before.two_level_cost, picoseconds };
         let scene = &*scene;
         let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
@@ -220,7 +320,7 @@ impl Choosing<'_> {
             // The input, which is the first, has its trees already.
             let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE + usize::from(candidates.is_empty())).collect();
             if some.is_empty() {
-                return (candidates, placed);
+                return Evaluated { candidates, placed, held_back };
             }
             candidates.par_extend(some.into_par_iter().map(rank));
         }
@@ -253,7 +353,7 @@ impl Choosing<'_> {
     }
 
     /// Times candidates near the fastest, round by round; gives their number.
-    fn refine(&self, scene: &mut Scene, candidates: &mut Vec<Candidate>, bounds: &decide::Bounds) -> usize {
+    fn refine(&self, scene: &mut Scene, candidates: &mut Vec<Candidate>, bounds: &Bounds) -> usize {
         let weights = &self.verify.weights;
         // Software drivers take longer to try, and what they build depends less on axes.
         let is_gpu = self.machine.name().1 == MachineKind::Gpu;
@@ -264,7 +364,7 @@ impl Choosing<'_> {
                 Round::Axes { of, ways } => refine::other_axes(candidates, weights, bounds, of, ways),
                 Round::Entry(step) => match refine::other_entries(candidates, weights, bounds, step) {
                     plans if plans.is_empty() => Vec::new(),
-                    plans => self.evaluate(scene, &plans).0,
+                    plans => self.evaluate(scene, &plans).candidates,
                 },
             };
             near.retain(|new| !candidates.iter().any(|known| known.laid.is_same(&new.laid)));
@@ -293,22 +393,29 @@ fn vantage(scene: &Scene) -> DVec3 {
     if is_far { bounds.center() } else { DVec3::ZERO }
 }
 
-/// The layouts of plans that differ, with the seconds each took, and the trees that were built for them.
+/// The layouts of plans that differ, with the seconds each took, the trees that were built for them, and the plans that
+/// differ in nothing because of rounding.
 fn lay_out_all<'p>(
     scene: &mut Scene,
     plans: &'p [Plan],
     max_error_ratio: f64,
-) -> (Vec<(&'p Plan, Laid, f64)>, PlacedTrees) {
+) -> (Vec<(&'p Plan, Laid, f64)>, PlacedTrees, Vec<HeldBack>) {
     let mut laid: Vec<(&Plan, Laid, f64)> = Vec::new();
+    let mut held_back = Vec::new();
     let mut cache = Cache::serving(plans.iter().map(|plan| &plan.options));
     for plan in plans {
         let start = Instant::now();
         let this = lay_out(&mut cache, scene, plan, max_error_ratio);
-        if !laid.iter().any(|(_, other, _)| other.is_same(&this)) {
-            laid.push((plan, this, start.elapsed().as_secs_f64()));
+        let seconds = start.elapsed().as_secs_f64();
+        match laid.iter().position(|(_, other, _)| other.is_same(&this)) {
+            None => laid.push((plan, this, seconds)),
+            Some(same_as) if this.held_back > 0 => {
+                held_back.push(HeldBack { name: plan.name.clone(), same_as, instances: this.held_back, seconds });
+            }
+            Some(_) => {}
         }
     }
-    (laid, cache.into_trees())
+    (laid, cache.into_trees(), held_back)
 }
 
 /// Candidates ranked side by side: each takes memory for its trees.
@@ -319,14 +426,13 @@ fn finish(
     scene: &Scene,
     laid: Laid,
     placed: &PlacedTrees,
-    report: MethodReport,
-    mut passes: Vec<Pass>,
-    measured: bool,
+    (report, mut passes): (MethodReport, Vec<Pass>),
+    (bounds, may_be_left_alone): (Bounds, bool),
 ) -> Chosen {
     let mut layout = Arc::unwrap_or_clone(laid.layout);
     layout::turn_axes(&mut layout, laid.axes);
     passes.extend(laid.passes);
     let (pass, trees) = passes::order(scene, &mut layout, placed);
     passes.push(pass);
-    Chosen { layout, trees, report, passes, measured }
+    Chosen { layout, trees, report, passes, may_be_left_alone, bounds }
 }

@@ -3,37 +3,105 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::DMat3;
+
+use super::ChooseOptions;
 use super::plans::Plan;
 use crate::cost::Metrics;
 use crate::cost::tree::Tree;
 use crate::emit;
-use crate::layout::{self, Instances, Layout, Method, PlacedTrees};
+use crate::layout::{self, Content, Group, Instances, Layout, Method, PlacedTrees};
 use crate::report::Pass;
 use crate::scene::{Opacity, Scene};
+use crate::words::counted;
 
 /// Triangles whose boxes have on average less than this many times the area of the tightest lie along the axes.
 const LOOSE: f64 = 1.02;
 
-/// The passes that a layout takes part in, by name.
-pub(super) const OF_LAYOUT: [&str; 3] = ["regroup", "centre frames", "order by tree"];
+/// The pass that times candidates, by name.
+pub(super) const MEASURING: &str = "measure candidates";
 
-/// The plans that may change something, and why others are left out.
-pub(super) fn worth_a_try(scene: &Scene, before: &Metrics, plans: Vec<Plan>) -> (Vec<Plan>, Vec<Pass>) {
-    let start = Instant::now();
-    let free = scene.instances.iter().filter(|i| i.pinned.is_none()).count();
+/// Something that a plan may try, by the name of its pass.
+struct Trial {
+    pass: &'static str,
+    /// Whether a plan tries it.
+    is_in: fn(&Plan) -> bool,
+    /// Whether a layout that a plan came to has it.
+    shows: fn(&Scene, &Plan, &Layout) -> bool,
+}
+
+const REDUCE_OVERLAP: &str = "reduce overlap";
+const CHOOSE_INSTANCES: &str = "open or bake instances";
+const FRAMES: &str = "frames";
+const ISOLATE: &str = "isolate";
+const SPLIT_OPACITY: &str = "split opacity";
+
+const TRIALS: [Trial; 5] = [
+    Trial {
+        pass: REDUCE_OVERLAP,
+        is_in: |plan| plan.method == Method::Overlap,
+        shows: |_, plan, _| plan.method == Method::Overlap,
+    },
+    Trial {
+        pass: CHOOSE_INSTANCES,
+        is_in: |plan| !matches!(plan.method, Method::Keep | Method::PerObject),
+        shows: |scene, _, layout| replaces_shared(scene, layout),
+    },
+    Trial {
+        pass: FRAMES,
+        is_in: |plan| plan.method == Method::Cluster && plan.options.frames,
+        shows: |_, plan, layout| plan.options.frames && layout.groups.iter().any(is_turned),
+    },
+    Trial {
+        pass: ISOLATE,
+        is_in: |plan| sets_apart(plan) && plan.options.isolate,
+        shows: |_, plan, _| sets_apart(plan) && plan.options.isolate,
+    },
+    Trial {
+        pass: SPLIT_OPACITY,
+        is_in: |plan| sets_apart(plan) && plan.options.split_opacity,
+        shows: |_, plan, _| sets_apart(plan) && plan.options.split_opacity,
+    },
+];
+
+fn sets_apart(plan: &Plan) -> bool {
+    matches!(plan.method, Method::Single | Method::Cluster)
+}
+
+fn is_turned(group: &Group) -> bool {
+    match &group.content {
+        Content::Kept(_) => false,
+        Content::Piece { frame, .. } | Content::Baked { frame, .. } => frame.matrix3 != DMat3::IDENTITY,
+    }
+}
+
+/// Whether a mesh that several instances place is opened or written out.
+fn replaces_shared(scene: &Scene, layout: &Layout) -> bool {
+    let mut uses = vec![0u32; scene.meshes.len()];
+    scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += 1);
+    let mut kept = vec![0u32; scene.meshes.len()];
+    for placement in &layout.placements {
+        if let Content::Kept(mesh) = layout.groups[placement.group as usize].content {
+            kept[mesh.0 as usize] += 1;
+        }
+    }
+    uses.iter().zip(kept).any(|(&uses, kept)| uses > 1 && kept < uses)
+}
+
+/// The plans that may change something, and why others are left out. A pass is applied as far as a plan tries it.
+pub(super) fn worth_a_try(
+    scene: &Scene,
+    before: &Metrics,
+    plans: Vec<Plan>,
+    options: &ChooseOptions,
+) -> (Vec<Plan>, Vec<Pass>) {
     let overlap = before.overlap_ratio > 0.0;
-    let separate = pass(
-        "reduce overlap",
-        free > 1 && overlap,
-        match (free, overlap) {
-            (0 | 1, _) => "fewer than two instances may be restructured",
-            (_, false) => "no two instance boxes overlap",
-            _ => "instance boxes overlap",
-        },
-        start,
-    );
-    let instances = choose_instances(scene, overlap);
-    let (frames, isolate, opacity) = (frames(scene), isolate(scene), split_opacity(scene));
+    let forbidden = options.forbidden;
+    let (separate, instances) = (separate(scene, overlap), choose_instances(scene, overlap));
+    let instances = unless(instances, forbidden.choose_instances, "--instances bake-or-keep");
+    let frames = unless(frames(scene), !options.layout.frames, "--frames false");
+    let isolate = unless(isolate(scene), forbidden.isolate, "--isolate false");
+    let opacity = unless(split_opacity(scene), forbidden.split_opacity, "--split-opacity false");
     let mut tried: Vec<Plan> = Vec::new();
     for mut plan in plans.into_iter().filter(|plan| plan.method != Method::Overlap || separate.applied) {
         plan.options.frames &= frames.applied;
@@ -46,7 +114,54 @@ pub(super) fn worth_a_try(scene: &Scene, before: &Metrics, plans: Vec<Plan>) -> 
             tried.push(plan);
         }
     }
-    (tried, vec![separate, instances, frames, isolate, opacity])
+    let mut passes = vec![separate, instances, frames, isolate, opacity];
+    for (pass, trial) in with_trials(&mut passes) {
+        if pass.applied && !tried.iter().any(trial.is_in) {
+            pass.applied = false;
+            pass.reason = format!("{}, but no candidate of this effort or within these bounds tries it", pass.reason);
+        }
+    }
+    (tried, passes)
+}
+
+/// Says of the passes whether what was chosen shows what was tried.
+pub(super) fn tell_used(passes: &mut [Pass], scene: &Scene, plan: &Plan, layout: &Layout) {
+    for (pass, trial) in with_trials(passes) {
+        let shows = (trial.shows)(scene, plan, layout);
+        if pass.applied && !shows {
+            pass.reason = format!("{}; tried, but what was chosen does without", pass.reason);
+        } else if !pass.applied && shows {
+            pass.reason = format!("{}, but `{}` does it", pass.reason, plan.name);
+        }
+        pass.applied = shows;
+    }
+}
+
+/// The passes that are trials.
+fn with_trials(passes: &mut [Pass]) -> impl Iterator<Item = (&mut Pass, &'static Trial)> {
+    passes.iter_mut().filter_map(|pass| {
+        let trial = TRIALS.iter().find(|trial| trial.pass == pass.name)?;
+        Some((pass, trial))
+    })
+}
+
+/// A pass, left out where the user forbids it.
+fn unless(pass: Pass, forbidden: bool, by: &str) -> Pass {
+    match forbidden {
+        true => Pass { applied: false, reason: format!("{by} forbids it"), ..pass },
+        false => pass,
+    }
+}
+
+fn separate(scene: &Scene, overlap: bool) -> Pass {
+    let start = Instant::now();
+    let free = scene.instances.iter().filter(|i| i.pinned.is_none()).count();
+    let reason = match (free, overlap) {
+        (0 | 1, _) => "fewer than two instances may be restructured",
+        (_, false) => "no two instance boxes overlap",
+        _ => "instance boxes overlap",
+    };
+    pass(REDUCE_OVERLAP, free > 1 && overlap, reason, start)
 }
 
 fn choose_instances(scene: &Scene, overlap: bool) -> Pass {
@@ -59,7 +174,7 @@ fn choose_instances(scene: &Scene, overlap: bool) -> Pass {
         (_, false) => "no two instance boxes overlap",
         _ => "instances of shared meshes overlap others",
     };
-    pass("open or bake instances", shared && overlap, reason, start)
+    pass(CHOOSE_INSTANCES, shared && overlap, reason, start)
 }
 
 fn frames(scene: &Scene) -> Pass {
@@ -69,7 +184,7 @@ fn frames(scene: &Scene) -> Pass {
         true => format!("the boxes of triangles are {looseness:.2} times as large as they need be"),
         false => "all triangles lie along the axes".to_owned(),
     };
-    pass("frames", looseness > LOOSE, &reason, start)
+    pass(FRAMES, looseness > LOOSE, &reason, start)
 }
 
 fn isolate(scene: &Scene) -> Pass {
@@ -79,7 +194,7 @@ fn isolate(scene: &Scene) -> Pass {
         true => "some objects enclose the rest or lie far outside",
         false => "no object encloses the scene and none lies far outside",
     };
-    pass("isolate", isolates, reason, start)
+    pass(ISOLATE, isolates, reason, start)
 }
 
 fn split_opacity(scene: &Scene) -> Pass {
@@ -91,17 +206,18 @@ fn split_opacity(scene: &Scene) -> Pass {
         false if opaque() => "all materials are opaque",
         false => "opaque triangles and others that may be regrouped do not meet",
     };
-    pass("split opacity", differ, reason, start)
+    pass(SPLIT_OPACITY, differ, reason, start)
 }
 
 /// The pass that times candidates on a device.
 pub(super) fn measuring(raced: &Result<usize, String>, seconds: f64) -> Pass {
     let (applied, reason) = match raced {
         Ok(0) => (false, "the device could take no candidate: the model decides".to_owned()),
-        Ok(n) => (true, format!("{n} candidates were timed in turns with the input")),
+        Ok(1) => (true, "1 candidate was timed in turns with the input".to_owned()),
+        Ok(n) => (true, format!("{} were timed in turns with the input", counted(*n, "candidate"))),
         Err(why) => (false, why.clone()),
     };
-    Pass { name: "measure candidates", applied, reason, seconds }
+    Pass { name: MEASURING, applied, reason, seconds }
 }
 
 /// Puts the triangles of rewritten groups in tree order; gives their trees, as [`layout::order_for_good`] does.

@@ -6,8 +6,8 @@
 //! Statistical Problems, Journal of the ACM 8(2), 1961), and then the same layout stored along other axes, which changes
 //! nothing but what the driver builds of it.
 
+use super::bounds::Bounds;
 use super::candidate::{Candidate, Laid};
-use super::decide::Bounds;
 use super::plans::{Effort, PROHIBITIVE, Plan};
 use crate::layout::{Method, WAYS};
 use crate::verify::weights::Weights;

@@ -9,7 +9,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::bake::{BakeOptions, FindCopies};
 use crate::choose::model::Class;
 use crate::choose::plans::Effort;
-use crate::choose::{Choice, ChooseOptions};
+use crate::choose::{Choice, ChooseOptions, Forbidden};
 use crate::compare::MatchBy;
 use crate::copies::Likeness;
 use crate::layout::{self, Instances, Method};
@@ -186,19 +186,20 @@ struct LayoutArguments {
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     max_bytes_ratio: Option<f64>,
     /// What a method does with instances of meshes that several place
-    #[arg(long, value_enum, default_value_t = InstancesArgument::BakeOrKeep)]
-    instances: InstancesArgument,
+    /// [default: bake-or-keep; auto: whatever pays]
+    #[arg(long, value_enum)]
+    instances: Option<InstancesArgument>,
     /// --instances choose: open all instances of a mesh into so many pieces, or none [default: as many pieces, and those
     /// instances, as are predicted to cost least]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     pieces: Option<u32>,
-    /// single, cluster: give objects that enclose the rest, or lie far outside it, groups of their own [auto: where it
-    /// pays]
-    #[arg(long, value_name = "BOOL", default_value_t = false, action = clap::ArgAction::Set)]
-    isolate: bool,
-    /// single, cluster: give triangles that are not opaque groups of their own [auto: where it pays]
-    #[arg(long, value_name = "BOOL", default_value_t = false, action = clap::ArgAction::Set)]
-    split_opacity: bool,
+    /// single, cluster: give objects that enclose the rest, or lie far outside it, groups of their own [default: false;
+    /// auto: where it pays]
+    #[arg(long, value_name = "BOOL")]
+    isolate: Option<bool>,
+    /// single, cluster: give triangles that are not opaque groups of their own [default: false; auto: where it pays]
+    #[arg(long, value_name = "BOOL")]
+    split_opacity: Option<bool>,
     /// cluster: what it costs to enter an instance, in steps from node to node
     #[arg(long, value_name = "STEPS", default_value_t = layout::Options::default().entry_cost, value_parser = ratio)]
     entry_cost: f64,
@@ -404,6 +405,11 @@ impl BakeArguments {
                 method: self.method.into(),
                 effort: Effort::new(self.effort),
                 class: self.device_class.into(),
+                forbidden: Forbidden {
+                    isolate: l.isolate == Some(false),
+                    split_opacity: l.split_opacity == Some(false),
+                    choose_instances: matches!(l.instances, Some(InstancesArgument::BakeOrKeep)),
+                },
                 layout: layout::Options {
                     nodes_per_triangle_ratio: l.nodes_per_triangle_ratio,
                     min_area_ratio: l.min_area_ratio,
@@ -414,12 +420,12 @@ impl BakeArguments {
                     min_triangles: l.min_triangles,
                     max_bytes_ratio: l.max_bytes_ratio,
                     instances: match l.instances {
-                        InstancesArgument::BakeOrKeep => Instances::BakeOrKeep,
-                        InstancesArgument::Choose => Instances::Choose,
+                        None | Some(InstancesArgument::BakeOrKeep) => Instances::BakeOrKeep,
+                        Some(InstancesArgument::Choose) => Instances::Choose,
                     },
                     pieces: l.pieces,
-                    isolate: l.isolate,
-                    split_opacity: l.split_opacity,
+                    isolate: l.isolate == Some(true),
+                    split_opacity: l.split_opacity == Some(true),
                     entry_cost: l.entry_cost,
                     frames: l.frames,
                     max_group_triangles: l.max_group_triangles,

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::bake::{self, BakeError, measure_with, per_primitive_note};
 use crate::cost::mesh_trees::MeshTrees;
-use crate::report::{self, Input, VerifyReport};
+use crate::report::{self, Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::identity::Identity;
 use crate::verify::{Machine, Matching, Verification, VerifyOptions};
@@ -55,6 +55,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
             Matching::Surface => "surface",
         },
         verdict: bake::verdict(&verification, &options.weights, false),
+        overall: Speed::of(&verification, &options.weights, machine.name().1),
         notes,
         verify: verification,
         seconds: start.elapsed().as_secs_f64(),

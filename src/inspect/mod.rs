@@ -28,6 +28,7 @@ pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, rayk
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(path.to_owned(), &scene),
         before: measure_as_is(&scene),
+        rules_checked: rules::CHECKED.to_vec(),
         findings: rules::findings(&scene, &boxes, &all, &worst_pairs),
         worst_pairs,
         warnings: doc.warnings.iter().chain(&warnings).map(ToString::to_string).collect(),

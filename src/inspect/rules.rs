@@ -11,6 +11,7 @@ use super::name_of;
 use crate::cost::bytes;
 use crate::report::{Finding, OverlappingPair, Severity};
 use crate::scene::{Bounds, Mesh, Scene};
+use crate::words::{bytes as size, counted, grouped};
 
 /// A pair is worth a finding when its overlap over the scene's area exceeds this (the thesis's skip threshold).
 const OVERLAP_RATIO: f64 = 0.005;
@@ -23,6 +24,9 @@ const LARGEST_COORDINATE: f64 = 8e6;
 const SMALLEST_EXTENT: f64 = 1e-3;
 /// Largest over smallest axis of a transform beyond which its box counts as loose.
 const LOOSE_SCALE: f64 = 4.0;
+
+/// The rules that are checked; docs/inspect.md lists the others, which are not.
+pub(super) const CHECKED: [&str; 9] = ["RK001", "RK003", "RK008", "RK010", "RK011", "RK012", "RK013", "RK015", "RK016"];
 
 /// All findings, in the order of the rules' ids.
 pub(super) fn findings(scene: &Scene, boxes: &[Bounds], all: &Bounds, worst: &[OverlappingPair]) -> Vec<Finding> {
@@ -63,7 +67,12 @@ fn duplicates(scene: &Scene) -> Option<Finding> {
         copies += equal;
         saved += equal as u64 * bytes::blas(meshes[0].triangle_count() as u64);
     }
-    let message = format!("{copies} meshes repeat another one exactly; sharing would save {saved} bytes of BLAS");
+    let repeat = if copies == 1 { "mesh repeats" } else { "meshes repeat" };
+    let message = format!(
+        "{} {repeat} another one exactly; sharing would save {} of BLASes",
+        grouped(copies as u64),
+        size(saved)
+    );
     (copies > 0).then(|| finding("RK003", Severity::Warning, "", message))
 }
 
@@ -90,7 +99,8 @@ fn degenerate(mesh: &Mesh) -> Option<Finding> {
     };
     let count: usize =
         mesh.geometries.iter().map(|g| (0..g.triangles.len()).filter(|&t| flat(g.corners(t))).count()).sum();
-    let message = format!("{count} triangles have no area");
+    let have = if count == 1 { "has" } else { "have" };
+    let message = format!("{} {have} no area", counted(count, "triangle"));
     (count > 0).then(|| finding("RK008", Severity::Info, &mesh.name, message))
 }
 
@@ -99,7 +109,7 @@ fn limits(scene: &Scene) -> Vec<Finding> {
     let geometries = scene.meshes.iter().map(|m| m.geometries.len()).max().unwrap_or(0);
     let triangles = scene.meshes.iter().map(Mesh::triangle_count).max().unwrap_or(0);
     let over = |rule, severity, count: usize, most: usize, what: &str| {
-        let message = format!("{count} {what}; at most {most} are advised");
+        let message = format!("{} {what}; at most {} are advised", grouped(count as u64), grouped(most as u64));
         (count > most).then(|| finding(rule, severity, "", message))
     };
     [
@@ -122,10 +132,13 @@ fn loose_transforms(scene: &Scene) -> Option<Finding> {
     };
     let loose = || scene.instances.iter().filter(|i| stretch(i.transform.matrix3) > LOOSE_SCALE);
     let first = loose().next()?;
-    let message = format!(
-        "{} instances are stretched or sheared more than {LOOSE_SCALE}:1, which makes their boxes loose",
-        loose().count()
-    );
+    let message = match loose().count() {
+        1 => format!("stretched or sheared more than {LOOSE_SCALE}:1, which makes its box loose"),
+        n => format!(
+            "{} are stretched or sheared more than {LOOSE_SCALE}:1, which makes their boxes loose; this is the first",
+            counted(n, "instance")
+        ),
+    };
     Some(finding("RK013", Severity::Info, name_of(first), message))
 }
 
@@ -156,7 +169,13 @@ fn far_from_origin(all: &Bounds) -> Option<Finding> {
 fn tiny(scene: &Scene, boxes: &[Bounds]) -> Option<Finding> {
     let tiny = || scene.instances.iter().zip(boxes).filter(|(_, b)| b.size().max_element() < SMALLEST_EXTENT);
     let (first, _) = tiny().next()?;
-    let message = format!("{} instances are smaller than {SMALLEST_EXTENT} units: merge or drop them", tiny().count());
+    let message = match tiny().count() {
+        1 => format!("smaller than {SMALLEST_EXTENT} units: merge or drop it"),
+        n => format!(
+            "{} are smaller than {SMALLEST_EXTENT} units: merge or drop them; this is the first",
+            counted(n, "instance")
+        ),
+    };
     Some(finding("RK016", Severity::Info, name_of(first), message))
 }
 

@@ -1,7 +1,9 @@
 //! Reports: the data (this module), as JSON ([`json`]) and as text for people ([`text`]).
 
+pub mod candidates;
 pub mod json;
 pub mod text;
+pub mod verdict;
 
 use std::path::PathBuf;
 
@@ -10,8 +12,9 @@ use serde::Serialize;
 use crate::cost::Metrics;
 use crate::emit::Copied;
 use crate::scene::Scene;
-use crate::verify::Verification;
 use crate::verify::build::BlasPer;
+use crate::verify::weights::{Overall, Weights};
+use crate::verify::{MachineKind, Verification};
 
 /// Identifies the JSON form of [`BakeReport`].
 pub const SCHEMA: &str = "raykiln.report/1";
@@ -27,6 +30,8 @@ pub struct BakeReport {
     pub input: Input,
     /// Where the output went.
     pub output: PathBuf,
+    /// What the bake was told.
+    pub options: Told,
     /// What is taken to be one BLAS in `before`, `after` and all that is predicted.
     pub blas_per: BlasPer,
     /// The input's layout.
@@ -39,8 +44,12 @@ pub struct BakeReport {
     pub passes: Vec<Pass>,
     /// What tracing both files showed.
     pub verify: Verification,
+    /// The speed that the verdict goes by.
+    pub overall: Speed,
     /// What came of it.
     pub verdict: Verdict,
+    /// The same in words, and what it rests on.
+    pub verdict_reason: String,
     /// Time by stage.
     pub seconds: Seconds,
     /// Largest amount of memory the process had in use, where the system tells.
@@ -54,6 +63,106 @@ pub struct BakeReport {
     pub warnings: Vec<String>,
     /// What the method and the writer left out, and why.
     pub notes: Vec<String>,
+}
+
+/// What a bake was told, as far as it decides what is written and how that is judged.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Told {
+    /// How many candidates `auto` looks at, from 0 to 6.
+    pub effort: u8,
+    /// What kind of device rays are predicted for.
+    pub device_class: &'static str,
+    /// What each kind of rays counts for.
+    pub weights: WeightOf,
+    /// Seed of the rays.
+    pub seed: u64,
+    /// Rays of each kind that are compared.
+    pub rays: u32,
+    /// How often each kind is timed.
+    pub repeats: u32,
+    /// Largest distance a vertex may move, over the scene's diagonal.
+    pub max_position_error_ratio: f64,
+    /// Predicted bytes of acceleration structures allowed over the input's, also where that is `auto`'s own limit; none: any.
+    pub max_bytes_ratio: Option<f64>,
+    /// Most triangles of a group; none: any.
+    pub max_group_triangles: Option<u32>,
+    /// Longest side of a group's box over that of the scene's; none: any.
+    pub max_group_extent_ratio: Option<f64>,
+    /// Groups of their own for what encloses the rest or lies far outside; none: where it pays.
+    pub isolate: Option<bool>,
+    /// Groups of their own for triangles that are not opaque; none: where it pays.
+    pub split_opacity: Option<bool>,
+    /// Whether groups may be stored in frames of their own.
+    pub frames: bool,
+    /// Instances that stay as they are by their names.
+    pub keep: Vec<String>,
+}
+
+/// What each kind of rays counts for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WeightOf {
+    /// Rays from the camera.
+    pub primary: f64,
+    /// Rays to a light.
+    pub shadow: f64,
+    /// Rays from surfaces into their surroundings.
+    pub diffuse: f64,
+    /// Lines through the scene.
+    pub random: f64,
+}
+
+impl From<Weights> for WeightOf {
+    fn from(Weights([primary, shadow, diffuse, random]): Weights) -> WeightOf {
+        WeightOf { primary, shadow, diffuse, random }
+    }
+}
+
+/// The speed over all kinds of rays, each counted as it is weighted.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Speed {
+    /// What it was measured on: `gpu`, `software driver` or `cpu`. Only the first tells of the devices of users.
+    pub measured_on: &'static str,
+    /// Million rays a second through the input; 0 without rays.
+    pub before_mrays_per_s: f64,
+    /// The same through the output.
+    pub after_mrays_per_s: f64,
+    /// The time of the input over that of the output; 1 without rays.
+    pub speedup_ratio: f64,
+    /// How far off it may be; infinite (`null` in JSON) for too few repeats.
+    pub spread_ratio: f64,
+}
+
+impl Speed {
+    /// What a verification measured; `kind` is what it was to be measured on.
+    pub fn of(verification: &Verification, weights: &Weights, kind: MachineKind) -> Speed {
+        // Where the device cannot take a scene, the CPU does.
+        let kind = if verification.structures.is_none() { MachineKind::Cpu } else { kind };
+        let Overall { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio } =
+            weights.overall(&verification.kinds);
+        Speed { measured_on: kind.name(), before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio }
+    }
+
+    /// Whether the output is faster than the input, by more than what may be off.
+    pub fn is_faster(&self) -> bool {
+        self.speedup_ratio > 1.0 + self.spread_ratio
+    }
+
+    /// Whether it is slower, by more than what may be off.
+    pub fn is_slower(&self) -> bool {
+        self.speedup_ratio < 1.0 - self.spread_ratio
+    }
+}
+
+/// What decided on a layout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DecidedBy {
+    /// The user, who named a method.
+    Request,
+    /// Predicted costs alone.
+    Prediction,
+    /// Candidates timed on a device.
+    Measurement,
 }
 
 /// What a scene is made of.
@@ -86,6 +195,8 @@ pub struct MethodReport {
     pub chosen: &'static str,
     /// The candidate that was written.
     pub chosen_candidate: String,
+    /// What decided.
+    pub decided_by: DecidedBy,
     /// Why, in words.
     pub reason: String,
     /// All layouts looked at.
@@ -97,15 +208,18 @@ pub struct MethodReport {
 pub struct Candidate {
     /// Its method, and what the method was told.
     pub name: String,
-    /// Two-level cost.
+    /// Two-level cost; of the candidate that was written, that of `after`.
     pub predicted_cost: f64,
     /// Sampled cost: predicted picoseconds a ray, in the weighted mean over the kinds of rays. None where nothing was
     /// traced to predict it.
     pub sampled_cost: Option<f64>,
-    /// Rays a second on a device, in millions, in the weighted mean over the kinds of rays; none without a device.
+    /// Rays a second on a device, in millions, in the weighted mean over the kinds of rays; none where it was not timed.
     pub measured_mrays_per_s: Option<f64>,
-    /// Its speed over that of the input, measured in turns; none without a device.
+    /// Its speed over that of the input, measured in turns, all kinds of rays as they are weighted; none where it was not
+    /// timed. 1 for the input where others were.
     pub measured_speedup_ratio: Option<f64>,
+    /// How far off that may be; infinite (`null` in JSON) for too few repeats.
+    pub measured_spread_ratio: Option<f64>,
     /// Why it was chosen or not.
     pub outcome: String,
     /// Predicted bytes of BLASes and TLAS.
@@ -188,6 +302,8 @@ pub struct VerifyReport {
     pub matched_by: &'static str,
     /// What tracing both files showed.
     pub verify: Verification,
+    /// The speed that the verdict goes by.
+    pub overall: Speed,
     /// What came of it.
     pub verdict: Verdict,
     /// Time it took, in seconds.
@@ -211,7 +327,9 @@ pub struct InspectReport {
     pub before: Metrics,
     /// The pairs of objects that overlap most, worst first.
     pub worst_pairs: Vec<OverlappingPair>,
-    /// Vendor rules the scene breaks.
+    /// The vendor rules that were checked, by their ids.
+    pub rules_checked: Vec<&'static str>,
+    /// Those of them that the scene breaks.
     pub findings: Vec<Finding>,
     /// What the reader mended or left out.
     pub warnings: Vec<String>,
@@ -366,6 +484,7 @@ impl MethodReport {
         }
         if let Some(candidate) = self.candidates.iter_mut().find(|c| c.name == self.chosen_candidate) {
             candidate.position_error_ratio = Some(position_error_ratio);
+            candidate.predicted_cost = after.two_level_cost;
         }
         self
     }
@@ -380,6 +499,7 @@ impl Candidate {
             sampled_cost: None,
             measured_mrays_per_s: None,
             measured_speedup_ratio: None,
+            measured_spread_ratio: None,
             outcome: "asked for".to_owned(),
             as_bytes: metrics.as_bytes(),
             position_error_ratio: None,
@@ -403,5 +523,72 @@ impl Input {
             instances: scene.instances.len() as u64,
             pinned_instances: scene.instances.iter().filter(|i| i.pinned.is_some()).count() as u64,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A candidate that costs something.
+    pub(super) fn candidate(name: &str, sampled_cost: f64) -> Candidate {
+        let written = Candidate::written(name, &Metrics::default(), 0.5);
+        Candidate { sampled_cost: Some(sampled_cost), outcome: "not chosen".into(), ..written }
+    }
+
+    /// The input and one BLAS, which is chosen and predicted to be twice as fast.
+    pub(super) fn method(decided_by: DecidedBy) -> MethodReport {
+        MethodReport {
+            requested: "auto",
+            chosen: "single",
+            chosen_candidate: "single".into(),
+            decided_by,
+            reason: "a reason".into(),
+            candidates: vec![candidate("keep", 200.0), candidate("single", 100.0)],
+        }
+    }
+
+    pub(super) fn told() -> Told {
+        Told {
+            effort: 3,
+            device_class: "no-rt-cores",
+            weights: Weights::default().into(),
+            seed: 1,
+            rays: 64,
+            repeats: 7,
+            max_position_error_ratio: 1e-6,
+            max_bytes_ratio: None,
+            max_group_triangles: None,
+            max_group_extent_ratio: None,
+            isolate: None,
+            split_opacity: Some(false),
+            frames: true,
+            keep: vec![],
+        }
+    }
+
+    /// On `a device`, of nothing.
+    pub(super) fn verification() -> Verification {
+        let options = crate::verify::VerifyOptions { rays_per_kind: 1, ..Default::default() };
+        Verification {
+            device: "a device".into(),
+            ..crate::verify::verify(&Scene::default(), &Scene::default(), &options)
+        }
+    }
+
+    #[test]
+    fn the_candidate_written_costs_what_was_written() {
+        let after = Metrics { two_level_cost: 7.0, ..Metrics::default() };
+        let method = method(DecidedBy::Prediction).with_written(&after, 1e-9, 2.0);
+        assert_eq!(method.candidates[1].predicted_cost, 7.0);
+        assert_eq!(method.candidates[1].position_error_ratio, Some(1e-9));
+        assert_eq!(method.candidates[0].predicted_cost, 0.0);
+    }
+
+    #[test]
+    fn speeds_that_no_device_built_for_are_those_of_the_cpu() {
+        let speed = Speed::of(&verification(), &Weights::default(), MachineKind::Gpu);
+        assert_eq!((speed.measured_on, speed.speedup_ratio), ("cpu", 1.0));
+        assert!(!speed.is_faster() && !speed.is_slower());
     }
 }

@@ -2,10 +2,13 @@
 
 use std::fmt::Write;
 
-use super::{BakeReport, Device, DevicesReport, Finding, Input, InspectReport, Severity, Verdict, VerifyReport};
+use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
+use super::{Severity, Speed, Verdict, VerifyReport, candidates, verdict};
 use crate::cost::Metrics;
 use crate::verify::Verification;
 use crate::verify::build::{BlasPer, Pair};
+use crate::verify::speed::KindSpeed;
+use crate::words::{bytes, counted, grouped};
 
 /// Warnings and notes that are shown without `-v`.
 const FEW: usize = 3;
@@ -30,29 +33,51 @@ pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
     let mut text = format!("{} -> {}\n", report.input.path.display(), report.output.display());
     text += &input_line(&report.input);
     text += &list("warning", &report.warnings, verbose);
-    let _ = writeln!(text, "\nmethod {} ({})", report.method.chosen, report.method.reason);
+    text += &method(report);
     text += &list("note", &report.notes, verbose);
     if verbose || report.method.candidates.len() > 1 {
-        text += &candidates(report, verbose);
+        text += &candidates::table(&report.method, verbose);
     }
     if verbose {
         text += &passes(report);
     }
-    text += &before_and_after(report.blas_per, [&report.before, &report.after], &report.verify);
+    let metrics = [&report.before, &report.after];
+    text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
     text += &seconds(report);
-    let _ = writeln!(text, "\nverdict: {}", verdict(report.verdict));
-    text
+    let verdict = match report.verdict {
+        Verdict::Faster => "faster",
+        Verdict::NotFaster => "not faster",
+        Verdict::LeftAlone => "left alone",
+        Verdict::Failed => "failed",
+    };
+    text + "\n" + &paragraph(&format!("verdict: {verdict}: {}", report.verdict_reason))
+}
+
+/// What was chosen, by whom, and whether copies are shared.
+fn method(report: &BakeReport) -> String {
+    let MethodReport { chosen, chosen_candidate: name, reason, decided_by, .. } = &report.method;
+    let copies = report.passes.iter().find(|pass| pass.name == "find copies" && pass.applied);
+    let and_copies = if copies.is_some() { ", with copies shared" } else { "" };
+    let how = match decided_by {
+        DecidedBy::Request => format!("method {chosen}{and_copies}"),
+        _ if name == "keep" && copies.is_some() => "auto chose the layout of the input, with copies shared".to_owned(),
+        _ if name == "keep" => "auto chose the input as it is".to_owned(),
+        _ if name.starts_with(chosen) => format!("auto chose `{name}`{and_copies}"),
+        _ => format!("auto chose `{name}` (method {chosen}){and_copies}"),
+    };
+    let copies = copies.map(|pass| format!("copies: {}\n", pass.reason)).unwrap_or_default();
+    format!("\n{}{copies}", paragraph(&format!("{how} ({reason})")))
 }
 
 /// The metrics of both layouts, and what tracing them showed.
-fn before_and_after(per: BlasPer, metrics: [&Metrics; 2], verification: &Verification) -> String {
+fn before_and_after(per: BlasPer, metrics: [&Metrics; 2], verification: &Verification, overall: &Speed) -> String {
     let heading = match per {
         BlasPer::Mesh => "",
         BlasPer::Primitive => "built as one BLAS a primitive",
     };
     let mut text = format!("\n{}\n", table(&[heading, "before", "after"], &comparison(metrics)));
     text += &structures(verification);
-    text += &rays(verification);
+    text += &rays(verification, overall);
     text += &errors(verification);
     text
 }
@@ -66,11 +91,11 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     if report.verify.structure.is_none() {
         text += "only surfaces are compared: triangles are not matched\n";
     }
-    text += &before_and_after(report.blas_per, [&report.before, &report.after], &report.verify);
+    let metrics = [&report.before, &report.after];
+    text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
     let shown = match report.verdict {
-        Verdict::Failed => "failed: the files do not show the same",
-        Verdict::Faster => "the same surfaces, traced faster",
-        Verdict::NotFaster | Verdict::LeftAlone => "the same surfaces, not traced faster beyond the spread",
+        Verdict::Failed => "failed: the files do not show the same".to_owned(),
+        _ => format!("the same surfaces; {}", verdict::measured(&report.overall, &report.verify.device)),
     };
     let _ = writeln!(text, "{:.2} seconds\n\nverdict: {shown}", report.seconds);
     text
@@ -94,7 +119,8 @@ pub fn inspect(report: &InspectReport) -> String {
         text += &table(&["overlap", "object", "object"], &rows);
     }
     if report.findings.is_empty() {
-        text += "\nno vendor rule is broken\n";
+        let checked = report.rules_checked.len();
+        let _ = writeln!(text, "\nnone of the {} is broken (docs/inspect.md)", counted(checked, "vendor rule checked"));
     } else {
         text += "\nfindings\n";
         text += &report.findings.iter().map(finding).collect::<String>();
@@ -137,15 +163,16 @@ fn input_line(input: &Input) -> String {
         0 => String::new(),
         n => format!(" ({n} pinned)"),
     };
-    format!(
-        "{} triangles, {} vertices, {} objects, {} materials, {} nodes, {} instances{pinned}\n",
-        grouped(input.triangles),
-        grouped(input.vertices),
-        grouped(input.objects),
-        grouped(input.materials),
-        grouped(input.nodes),
-        grouped(input.instances),
-    )
+    let counts = [
+        (input.triangles, "triangle"),
+        (input.vertices, "vertex"),
+        (input.objects, "object"),
+        (input.materials, "material"),
+        (input.nodes, "node"),
+        (input.instances, "instance"),
+    ];
+    let counts = counts.map(|(count, what)| counted(count as usize, what));
+    format!("{}{pinned}\n", counts.join(", "))
 }
 
 /// One line for each message, or for the first few and a count of the rest.
@@ -156,34 +183,6 @@ fn list(kind: &str, messages: &[String], all: bool) -> String {
         let _ = writeln!(text, "{kind}: {} more (-v shows all)", messages.len() - shown);
     }
     text
-}
-
-fn candidates(report: &BakeReport, all: bool) -> String {
-    let (listed, brief): (Vec<_>, Vec<_>) = report.method.candidates.iter().partition(|c| all || !c.brief);
-    let rows: Vec<Vec<String>> = listed
-        .into_iter()
-        .map(|c| {
-            let or_none = |value: Option<f64>, digits: usize| value.map_or("-".into(), |v| format!("{v:.digits$}"));
-            vec![
-                c.name.clone(),
-                format!("{:.2}", c.predicted_cost),
-                or_none(c.sampled_cost, 0),
-                or_none(c.measured_mrays_per_s, 0),
-                or_none(c.measured_speedup_ratio, 3),
-                bytes(c.as_bytes),
-                format!("{:.2}", c.seconds),
-                c.outcome.clone(),
-            ]
-        })
-        .collect();
-    let table = table(&["candidate", "cost", "ps a ray", "Mrays/s", "speedup", "bytes", "seconds", "outcome"], &rows);
-    let more = match brief.len() {
-        0 => String::new(),
-        n => format!(
-            "{n} more, timed briefly along other axes, were slower than the best of their kind (-v lists them)\n"
-        ),
-    };
-    format!("\n{table}{more}")
 }
 
 fn passes(report: &BakeReport) -> String {
@@ -220,24 +219,23 @@ fn metric_rows(m: &Metrics) -> [(&'static str, String); 10] {
     ]
 }
 
-fn rays(verify: &Verification) -> String {
-    let rows: Vec<Vec<String>> = verify
-        .kinds
-        .named()
-        .into_iter()
-        .map(|(name, k)| {
-            vec![
-                name.into(),
-                format!("{:.2}", k.before_mrays_per_s),
-                format!("{:.2}", k.after_mrays_per_s),
-                match k.differs() {
-                    true => format!("{:.2} +- {:.2}", k.speedup_ratio, k.spread_ratio),
-                    false if k.spread_ratio.is_infinite() => format!("{:.2}, too few repeats", k.speedup_ratio),
-                    false => format!("no difference (+- {:.2})", k.spread_ratio),
-                },
-            ]
-        })
-        .collect();
+fn rays(verify: &Verification, overall: &Speed) -> String {
+    let Speed { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio, .. } = *overall;
+    let overall = KindSpeed { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio };
+    let row = |(name, k): (&str, KindSpeed)| {
+        vec![
+            name.into(),
+            format!("{:.2}", k.before_mrays_per_s),
+            format!("{:.2}", k.after_mrays_per_s),
+            match k.differs() {
+                true => format!("{:.2} +- {:.2}", k.speedup_ratio, k.spread_ratio),
+                false if k.spread_ratio.is_infinite() => format!("{:.2}, too few repeats", k.speedup_ratio),
+                false => format!("no difference (+- {:.2})", k.spread_ratio),
+            },
+        ]
+    };
+    let kinds = verify.kinds.named().into_iter().chain([("all, as weighted", overall)]);
+    let rows: Vec<Vec<String>> = kinds.map(row).collect();
     let heading = format!("Mrays/s on {}", verify.device);
     table(&[&heading, "before", "after", "ratio"], &rows)
 }
@@ -286,15 +284,6 @@ fn seconds(report: &BakeReport) -> String {
     )
 }
 
-fn verdict(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Faster => "faster",
-        Verdict::NotFaster => "not faster: restructured, but no gain beyond the spread",
-        Verdict::LeftAlone => "left alone",
-        Verdict::Failed => "failed: no file was written",
-    }
-}
-
 fn finding(f: &Finding) -> String {
     let severity = match f.severity {
         Severity::Info => "info",
@@ -314,7 +303,7 @@ fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     let widths: Vec<usize> = (0..heading.len()).map(width).collect();
     let line = |cells: Vec<&str>| {
         let padded = cells.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-            if column == 0 { format!("{cell:<width$}") } else { format!("  {cell:>width$}") }
+            if column == 0 { padded(cell, width, false) } else { format!("  {}", padded(cell, width, true)) }
         });
         format!("{}\n", padded.collect::<String>().trim_end())
     };
@@ -322,29 +311,28 @@ fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     std::iter::once(line(heading.to_vec())).chain(body).collect()
 }
 
-/// A number with its digits in groups of three.
-fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+/// A cell as wide as its column, flush right or left.
+pub(super) fn padded(cell: &str, width: usize, right: bool) -> String {
+    if right { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
 }
 
-/// A size in binary units.
-pub(crate) fn bytes(size: u64) -> String {
-    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
-    let mut value = size as f64;
-    let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < units.len() {
-        value /= 1024.0;
-        unit += 1;
+/// A text in lines, all but the first indented.
+fn paragraph(text: &str) -> String {
+    wrapped(text, candidates::WIDTH - 2).join("\n  ") + "\n"
+}
+
+/// A text in lines of at most `width` characters, broken between words; longer words have a line of their own. At least
+/// one line.
+pub(super) fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => *line = word.to_owned(),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => *line += &format!(" {word}"),
+            _ => lines.push(word.to_owned()),
+        }
     }
-    if unit == 0 { format!("{size} B") } else { format!("{value:.1} {}", units[unit]) }
+    lines
 }
 
 #[cfg(test)]
@@ -352,18 +340,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn digits_stand_in_groups_of_three() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
-    }
-
-    #[test]
-    fn sizes_use_the_largest_unit_below_them() {
-        assert_eq!([0, 1023, 1024, 3 << 29].map(bytes), ["0 B", "1023 B", "1.0 KiB", "1.5 GiB"]);
-    }
-
-    #[test]
     fn columns_line_up() {
         let rows = vec![vec!["a".into(), "1".into()], vec!["long".into(), "22".into()]];
         assert_eq!(table(&["x", "before"], &rows), "x     before\na          1\nlong      22\n");
+    }
+
+    #[test]
+    fn text_is_broken_between_words() {
+        assert_eq!(wrapped("one two three", 7), ["one two", "three"]);
+        assert_eq!(wrapped("a unbreakable b", 4), ["a", "unbreakable", "b"]);
+        assert_eq!(wrapped("", 4), [""]);
     }
 }

@@ -13,6 +13,7 @@ mod faults;
 mod instancing;
 mod lab;
 mod mutations;
+mod reports;
 mod roundtrip;
 mod samples;
 mod validator;

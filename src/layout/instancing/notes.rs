@@ -3,6 +3,7 @@
 use super::choose::{Candidate, Candidates};
 use super::plan::Plan;
 use crate::scene::Scene;
+use crate::words::counted;
 
 /// Meshes named one by one.
 const MOST_NAMED: usize = 16;
@@ -103,13 +104,4 @@ impl Candidate {
             parts.join(", ")
         )
     }
-}
-
-fn counted(count: usize, what: &str) -> String {
-    let ending = match (count, what.ends_with("sh")) {
-        (1, _) => "",
-        (_, true) => "es",
-        (_, false) => "s",
-    };
-    format!("{count} {what}{ending}")
 }

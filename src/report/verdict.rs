@@ -1,0 +1,127 @@
+//! What came of a bake, in words.
+
+use super::{DecidedBy, MethodReport, Speed, Told, Verdict};
+use crate::verify::Verification;
+
+/// What the verdict says and what it rests on: what was measured, on what, and what was predicted where that decided.
+pub fn words(
+    verdict: Verdict,
+    overall: &Speed,
+    verification: &Verification,
+    method: &MethodReport,
+    told: &Told,
+) -> String {
+    match verdict {
+        Verdict::Failed => format!("no file was written: {verification}"),
+        Verdict::LeftAlone => "the output is the input as it is".to_owned(),
+        Verdict::Faster | Verdict::NotFaster => {
+            let parts = [Some(measured(overall, &verification.device)), caution(overall), predicted(method, told)];
+            parts.into_iter().flatten().collect::<Vec<String>>().join("; ")
+        }
+    }
+}
+
+/// The speed of the output in words: what was measured, and on what.
+pub(super) fn measured(overall: &Speed, device: &str) -> String {
+    let Speed { speedup_ratio: ratio, spread_ratio: spread, .. } = *overall;
+    let on = match overall.measured_on {
+        "cpu" => "the CPU tracer",
+        _ => device,
+    };
+    if spread.is_infinite() {
+        return format!("{ratio:.2} times the input's speed on {on}, by too few repeats to tell anything");
+    }
+    let speed = format!("{ratio:.2} +- {spread:.2} times the input's speed, all kinds of rays as weighted");
+    if overall.is_faster() {
+        format!("measured faster on {on}: {speed}")
+    } else if overall.is_slower() {
+        format!("measured SLOWER on {on}: {speed}")
+    } else {
+        format!("no difference beyond the spread on {on}: {speed}")
+    }
+}
+
+/// What speeds that were not measured on a GPU are worth.
+fn caution(overall: &Speed) -> Option<String> {
+    let what = match overall.measured_on {
+        "cpu" => "CPU speeds tell",
+        "software driver" => "speeds of a software driver tell",
+        _ => return None,
+    };
+    Some(format!("{what} nothing of a device"))
+}
+
+/// What was predicted, where nothing else decided.
+fn predicted(method: &MethodReport, told: &Told) -> Option<String> {
+    let cost = |name: &str| method.candidates.iter().find(|c| c.name == name)?.sampled_cost;
+    let name = &method.chosen_candidate;
+    let (before, after) = (cost("keep")?, cost(name)?);
+    (method.decided_by == DecidedBy::Prediction && name != "keep" && after > 0.0).then(|| {
+        let class = told.device_class;
+        format!(
+            "chosen by prediction alone: {:.2} times the input's speed on a device of class {class}",
+            before / after
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Candidate;
+    use super::super::tests::{method, told, verification};
+    use super::*;
+
+    fn speed(measured_on: &'static str, speedup_ratio: f64, spread_ratio: f64) -> Speed {
+        Speed {
+            measured_on,
+            before_mrays_per_s: 10.0,
+            after_mrays_per_s: 10.0 * speedup_ratio,
+            speedup_ratio,
+            spread_ratio,
+        }
+    }
+
+    fn said(verdict: Verdict, overall: Speed, decided_by: DecidedBy) -> String {
+        words(verdict, &overall, &verification(), &method(decided_by), &told())
+    }
+
+    #[test]
+    fn slower_on_the_cpu_is_said_with_what_that_tells_and_what_was_predicted() {
+        let text = said(Verdict::NotFaster, speed("cpu", 0.75, 0.04), DecidedBy::Prediction);
+        for words in
+            ["SLOWER on the CPU tracer", "0.75 +- 0.04", "tell nothing of a device", "by prediction alone: 2.00 times"]
+        {
+            assert!(text.contains(words), "{words} is missing in: {text}");
+        }
+    }
+
+    #[test]
+    fn what_was_measured_on_a_gpu_needs_no_caution() {
+        let text = said(Verdict::Faster, speed("gpu", 1.25, 0.01), DecidedBy::Measurement);
+        assert_eq!(
+            text,
+            "measured faster on a device: 1.25 +- 0.01 times the input's speed, all kinds of rays as weighted"
+        );
+    }
+
+    #[test]
+    fn a_difference_within_the_spread_is_none() {
+        let text = said(Verdict::NotFaster, speed("cpu", 0.97, 0.04), DecidedBy::Request);
+        assert!(text.starts_with("no difference beyond the spread on the CPU tracer") && !text.contains("prediction"));
+        let text = said(Verdict::NotFaster, speed("cpu", 0.5, f64::INFINITY), DecidedBy::Request);
+        assert!(text.contains("too few repeats"), "{text}");
+    }
+
+    #[test]
+    fn what_is_left_alone_claims_no_speed() {
+        let text = said(Verdict::LeftAlone, speed("cpu", 1.5, 0.0), DecidedBy::Prediction);
+        assert_eq!(text, "the output is the input as it is");
+    }
+
+    #[test]
+    fn nothing_is_predicted_without_a_price() {
+        let mut unpriced = method(DecidedBy::Prediction);
+        unpriced.candidates.iter_mut().for_each(|c: &mut Candidate| c.sampled_cost = Some(0.0));
+        assert_eq!(predicted(&unpriced, &told()), None);
+    }
+}
