@@ -27,7 +27,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::tree::Tree;
 use crate::layout::{self, Cache, Layout, Method, PlacedTrees};
 use crate::report::{self, DecidedBy, MethodReport, Pass};
-use crate::scene::Scene;
+use crate::scene::{Pinned, Scene};
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
@@ -133,12 +133,14 @@ impl Chosen {
         }
         let chosen_candidate = keep.to_owned();
         let report = MethodReport { chosen: keep, chosen_candidate, reason, candidates, ..self.report };
-        Chosen { layout, trees: Vec::new(), report, passes, ..self }.with_notes(scene, Origin::Chosen(Method::Keep))
+        let pins: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
+        let origin = Origin::Chosen(Method::Keep);
+        Chosen { layout, trees: Vec::new(), report, passes, ..self }.with_notes(scene, origin, &pins)
     }
 
     /// Notes what of the layout is beyond what the user allows.
-    fn with_notes(mut self, scene: &Scene, origin: Origin) -> Chosen {
-        let notes = self.bounds.notes(scene, &self.layout, origin);
+    fn with_notes(mut self, scene: &Scene, origin: Origin, pins: &[Option<Pinned>]) -> Chosen {
+        let notes = self.bounds.notes(scene, &self.layout, origin, pins);
         self.layout.notes.extend(notes);
         self
     }
@@ -181,6 +183,7 @@ fn asked_for(
     let plan = Plan { name: method.name().to_owned(), method, options: told(&options.layout, verify) };
     let mut cache = Cache::serving([&plan.options]);
     let laid = lay_out(&mut cache, scene, &plan, verify.max_position_error_ratio);
+    let pins = laid.pins.clone();
     let report = MethodReport {
         requested: options.method.name(),
         chosen: method.name(),
@@ -189,8 +192,11 @@ fn asked_for(
         reason: "asked for".to_owned(),
         candidates: Vec::new(),
     };
-    finish(scene, laid, &cache.into_trees(), (report, Vec::new()), (bounds, false))
-        .with_notes(scene, Origin::Asked(method))
+    finish(scene, laid, &cache.into_trees(), (report, Vec::new()), (bounds, false)).with_notes(
+        scene,
+        Origin::Asked(method),
+        &pins,
+    )
 }
 
 /// What the methods are told, and how the consumer builds what they lay out.
@@ -237,10 +243,11 @@ fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
         reason: decision.reason,
         candidates: reports,
     };
-    scene.instances.iter_mut().zip(&winner.laid.pins).for_each(|(instance, pin)| instance.pinned = *pin);
+    let pins = winner.laid.pins.clone();
+    scene.instances.iter_mut().zip(&pins).for_each(|(instance, pin)| instance.pinned = *pin);
     let origin = if decision.keeps { Origin::Chosen(winner.plan.method) } else { Origin::NoneKeeps };
     let may_be_left_alone = measured && decision.may_be_left_alone;
-    finish(scene, winner.laid, &placed, (report, passes), (bounds, may_be_left_alone)).with_notes(scene, origin)
+    finish(scene, winner.laid, &placed, (report, passes), (bounds, may_be_left_alone)).with_notes(scene, origin, &pins)
 }
 
 /// The entries of the report: of all candidates, and of those that come to another one only because rounding must not move
