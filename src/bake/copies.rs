@@ -72,6 +72,14 @@ pub(super) fn share(
     (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
 }
 
+/// The pass as it came out: where the input is left alone after all, it stays without.
+pub(super) fn as_written(pass: Pass, unchanged: bool) -> Pass {
+    match pass.applied && unchanged {
+        true => Pass { applied: false, reason: format!("{}; but the input is left alone", pass.reason), ..pass },
+        false => pass,
+    }
+}
+
 /// Predicted bytes of acceleration structures that `auto` must save to share at all.
 fn least_saved_bytes(before: &Metrics) -> u64 {
     LEAST_SAVED_BYTES.max((LEAST_SAVED_RATIO * before.as_bytes() as f64).ceil() as u64)

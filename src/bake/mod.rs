@@ -117,7 +117,7 @@ pub fn bake(
     let before = measure_with(&scene, &trees, blas_per);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
-    let (shared, mut copies) = copies::share(&doc, &mut scene, &trees, &before, options);
+    let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
     let chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
     let given = Given { doc: &doc, scene: &mut scene, trees: &trees };
@@ -125,21 +125,17 @@ pub fn bake(
     let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
-
-    if let Some(pass) = copies.as_mut().filter(|pass| pass.applied && written.unchanged) {
-        (pass.applied, pass.reason) = (false, format!("{}; but the input is left alone", pass.reason));
-    }
+    let copies = copies.map(|pass| copies::as_written(pass, written.unchanged));
     let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
     let method = chosen.report.with_written(&after, verification.position_error_ratio, seconds);
-    let told = options.told();
     let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(input.to_owned(), &scene),
         output: output.to_owned(),
-        verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, &told),
-        options: told,
+        verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class.name()),
+        options: options.told(),
         blas_per,
         before,
         overall,

@@ -400,14 +400,17 @@ fn vantage(scene: &Scene) -> DVec3 {
     if is_far { bounds.center() } else { DVec3::ZERO }
 }
 
+/// A plan, its layout, and the seconds that took.
+type LaidOut<'p> = (&'p Plan, Laid, f64);
+
 /// The layouts of plans that differ, with the seconds each took, the trees that were built for them, and the plans that
 /// differ in nothing because of rounding.
 fn lay_out_all<'p>(
     scene: &mut Scene,
     plans: &'p [Plan],
     max_error_ratio: f64,
-) -> (Vec<(&'p Plan, Laid, f64)>, PlacedTrees, Vec<HeldBack>) {
-    let mut laid: Vec<(&Plan, Laid, f64)> = Vec::new();
+) -> (Vec<LaidOut<'p>>, PlacedTrees, Vec<HeldBack>) {
+    let mut laid: Vec<LaidOut> = Vec::new();
     let mut held_back = Vec::new();
     let mut cache = Cache::serving(plans.iter().map(|plan| &plan.options));
     for plan in plans {

@@ -44,7 +44,7 @@ pub(super) fn significant(value: f64) -> String {
 
 fn speedup(ratio: f64, spread: Option<f64>) -> String {
     match spread {
-        Some(spread) if spread == 0.0 => format!("{ratio:.3}"),
+        Some(0.0) => format!("{ratio:.3}"),
         Some(spread) if spread.is_finite() => format!("{ratio:.3} +- {spread:.3}"),
         _ => format!("{ratio:.3} +- ?"),
     }

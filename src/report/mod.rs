@@ -1,9 +1,14 @@
 //! Reports: the data (this module), as JSON ([`json`]) and as text for people ([`text`]).
 
 pub mod candidates;
+mod devices;
 pub mod json;
 pub mod text;
+mod told;
 pub mod verdict;
+
+pub use devices::{Device, DeviceLimits, DevicesReport};
+pub use told::{Speed, Told, WeightOf};
 
 use std::path::PathBuf;
 
@@ -12,9 +17,8 @@ use serde::Serialize;
 use crate::cost::Metrics;
 use crate::emit::Copied;
 use crate::scene::Scene;
+use crate::verify::Verification;
 use crate::verify::build::BlasPer;
-use crate::verify::weights::{Overall, Weights};
-use crate::verify::{MachineKind, Verification};
 
 /// Identifies the JSON form of [`BakeReport`].
 pub const SCHEMA: &str = "raykiln.report/1";
@@ -63,94 +67,6 @@ pub struct BakeReport {
     pub warnings: Vec<String>,
     /// What the method and the writer left out, and why.
     pub notes: Vec<String>,
-}
-
-/// What a bake was told, as far as it decides what is written and how that is judged.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Told {
-    /// How many candidates `auto` looks at, from 0 to 6.
-    pub effort: u8,
-    /// What kind of device rays are predicted for.
-    pub device_class: &'static str,
-    /// What each kind of rays counts for.
-    pub weights: WeightOf,
-    /// Seed of the rays.
-    pub seed: u64,
-    /// Rays of each kind that are compared.
-    pub rays: u32,
-    /// How often each kind is timed.
-    pub repeats: u32,
-    /// Largest distance a vertex may move, over the scene's diagonal.
-    pub max_position_error_ratio: f64,
-    /// Predicted bytes of acceleration structures allowed over the input's, also where that is `auto`'s own limit; none: any.
-    pub max_bytes_ratio: Option<f64>,
-    /// Most triangles of a group; none: any.
-    pub max_group_triangles: Option<u32>,
-    /// Longest side of a group's box over that of the scene's; none: any.
-    pub max_group_extent_ratio: Option<f64>,
-    /// Groups of their own for what encloses the rest or lies far outside; none: where it pays.
-    pub isolate: Option<bool>,
-    /// Groups of their own for triangles that are not opaque; none: where it pays.
-    pub split_opacity: Option<bool>,
-    /// Whether groups may be stored in frames of their own.
-    pub frames: bool,
-    /// Instances that stay as they are by their names.
-    pub keep: Vec<String>,
-}
-
-/// What each kind of rays counts for.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct WeightOf {
-    /// Rays from the camera.
-    pub primary: f64,
-    /// Rays to a light.
-    pub shadow: f64,
-    /// Rays from surfaces into their surroundings.
-    pub diffuse: f64,
-    /// Lines through the scene.
-    pub random: f64,
-}
-
-impl From<Weights> for WeightOf {
-    fn from(Weights([primary, shadow, diffuse, random]): Weights) -> WeightOf {
-        WeightOf { primary, shadow, diffuse, random }
-    }
-}
-
-/// The speed over all kinds of rays, each counted as it is weighted.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Speed {
-    /// What it was measured on: `gpu`, `software driver` or `cpu`. Only the first tells of the devices of users.
-    pub measured_on: &'static str,
-    /// Million rays a second through the input; 0 without rays.
-    pub before_mrays_per_s: f64,
-    /// The same through the output.
-    pub after_mrays_per_s: f64,
-    /// The time of the input over that of the output; 1 without rays.
-    pub speedup_ratio: f64,
-    /// How far off it may be; infinite (`null` in JSON) for too few repeats.
-    pub spread_ratio: f64,
-}
-
-impl Speed {
-    /// What a verification measured; `kind` is what it was to be measured on.
-    pub fn of(verification: &Verification, weights: &Weights, kind: MachineKind) -> Speed {
-        // Where the device cannot take a scene, the CPU does.
-        let kind = if verification.structures.is_none() { MachineKind::Cpu } else { kind };
-        let Overall { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio } =
-            weights.overall(&verification.kinds);
-        Speed { measured_on: kind.name(), before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio }
-    }
-
-    /// Whether the output is faster than the input, by more than what may be off.
-    pub fn is_faster(&self) -> bool {
-        self.speedup_ratio > 1.0 + self.spread_ratio
-    }
-
-    /// Whether it is slower, by more than what may be off.
-    pub fn is_slower(&self) -> bool {
-        self.speedup_ratio < 1.0 - self.spread_ratio
-    }
 }
 
 /// What decided on a layout.
@@ -335,110 +251,6 @@ pub struct InspectReport {
     pub warnings: Vec<String>,
 }
 
-/// The devices of this machine.
-#[derive(Clone, Debug, Serialize)]
-pub struct DevicesReport {
-    /// [`SCHEMA`].
-    pub schema: &'static str,
-    /// Version of the program.
-    pub raykiln_version: &'static str,
-    /// In the order of the driver's list, by which `--device` counts.
-    pub devices: Vec<Device>,
-    /// Why there is none, in words.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub note: Option<String>,
-}
-
-/// A Vulkan device.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Device {
-    /// What `--device` takes.
-    pub index: usize,
-    /// Its name.
-    pub name: String,
-    /// Driver and its version.
-    pub driver: String,
-    /// Version of Vulkan.
-    pub vulkan_version: String,
-    /// Whether the device is the CPU.
-    pub is_software: bool,
-    /// Whether it can trace rays.
-    pub can_trace: bool,
-    /// What it lacks to do so.
-    pub missing: Vec<String>,
-    /// Extensions that concern ray tracing.
-    pub extensions: Vec<String>,
-    /// How much it takes; `None` where it cannot trace rays.
-    pub limits: Option<DeviceLimits>,
-    /// Its own memory.
-    pub memory_bytes: u64,
-}
-
-/// How much a device takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct DeviceLimits {
-    /// Instances of a TLAS.
-    pub instances: u64,
-    /// Geometries of a BLAS.
-    pub geometries: u64,
-    /// Triangles of a BLAS.
-    pub primitives: u64,
-    /// Alignment of scratch memory.
-    pub scratch_alignment_bytes: u64,
-    /// Largest allocation.
-    pub max_allocation_bytes: u64,
-    /// Rays of one launch.
-    pub rays_per_launch: u64,
-}
-
-impl DevicesReport {
-    /// Of the devices of this machine.
-    pub fn of_this_machine() -> DevicesReport {
-        let (devices, note) = match Self::list() {
-            Ok(devices) if devices.is_empty() => (devices, Some("there is no Vulkan device".into())),
-            Ok(devices) => (devices, None),
-            Err(why) => (Vec::new(), Some(why)),
-        };
-        DevicesReport { schema: SCHEMA, raykiln_version: env!("CARGO_PKG_VERSION"), devices, note }
-    }
-
-    #[cfg(feature = "vulkan")]
-    fn list() -> Result<Vec<Device>, String> {
-        Ok(crate::verify::device::list()?.into_iter().map(Device::from).collect())
-    }
-
-    #[cfg(not(feature = "vulkan"))]
-    fn list() -> Result<Vec<Device>, String> {
-        Err("this program was built without Vulkan".into())
-    }
-}
-
-#[cfg(feature = "vulkan")]
-impl From<crate::verify::vulkan::DeviceInfo> for Device {
-    fn from(info: crate::verify::vulkan::DeviceInfo) -> Device {
-        let limits = info.can_trace().then_some(DeviceLimits {
-            instances: info.limits.instances,
-            geometries: info.limits.geometries,
-            primitives: info.limits.primitives,
-            scratch_alignment_bytes: info.limits.scratch_alignment,
-            max_allocation_bytes: info.limits.max_allocation,
-            rays_per_launch: info.limits.rays_per_launch,
-        });
-        Device {
-            can_trace: info.can_trace(),
-            memory_bytes: info.memory(),
-            limits,
-            index: info.index,
-            name: info.name,
-            driver: info.driver,
-            vulkan_version: info.vulkan_version,
-            is_software: info.is_software,
-            missing: info.missing,
-            extensions: info.extensions,
-        }
-    }
-}
-
 /// Two objects whose boxes overlap.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OverlappingPair {
@@ -529,6 +341,8 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verify::MachineKind;
+    use crate::verify::weights::Weights;
 
     /// A candidate that costs something.
     pub(super) fn candidate(name: &str, sampled_cost: f64) -> Candidate {
@@ -545,25 +359,6 @@ mod tests {
             decided_by,
             reason: "a reason".into(),
             candidates: vec![candidate("keep", 200.0), candidate("single", 100.0)],
-        }
-    }
-
-    pub(super) fn told() -> Told {
-        Told {
-            effort: 3,
-            device_class: "no-rt-cores",
-            weights: Weights::default().into(),
-            seed: 1,
-            rays: 64,
-            repeats: 7,
-            max_position_error_ratio: 1e-6,
-            max_bytes_ratio: None,
-            max_group_triangles: None,
-            max_group_extent_ratio: None,
-            isolate: None,
-            split_opacity: Some(false),
-            frames: true,
-            keep: vec![],
         }
     }
 

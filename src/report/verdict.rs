@@ -1,21 +1,22 @@
 //! What came of a bake, in words.
 
-use super::{DecidedBy, MethodReport, Speed, Told, Verdict};
+use super::{DecidedBy, MethodReport, Speed, Verdict};
 use crate::verify::Verification;
 
-/// What the verdict says and what it rests on: what was measured, on what, and what was predicted where that decided.
+/// What the verdict says and what it rests on: what was measured, on what, and, where that decided, what was predicted for a
+/// class of devices.
 pub fn words(
     verdict: Verdict,
     overall: &Speed,
     verification: &Verification,
     method: &MethodReport,
-    told: &Told,
+    class: &str,
 ) -> String {
     match verdict {
         Verdict::Failed => format!("no file was written: {verification}"),
         Verdict::LeftAlone => "the output is the input as it is".to_owned(),
         Verdict::Faster | Verdict::NotFaster => {
-            let parts = [Some(measured(overall, &verification.device)), caution(overall), predicted(method, told)];
+            let parts = [Some(measured(overall, &verification.device)), caution(overall), predicted(method, class)];
             parts.into_iter().flatten().collect::<Vec<String>>().join("; ")
         }
     }
@@ -52,12 +53,11 @@ fn caution(overall: &Speed) -> Option<String> {
 }
 
 /// What was predicted, where nothing else decided.
-fn predicted(method: &MethodReport, told: &Told) -> Option<String> {
+fn predicted(method: &MethodReport, class: &str) -> Option<String> {
     let cost = |name: &str| method.candidates.iter().find(|c| c.name == name)?.sampled_cost;
     let name = &method.chosen_candidate;
     let (before, after) = (cost("keep")?, cost(name)?);
     (method.decided_by == DecidedBy::Prediction && name != "keep" && after > 0.0).then(|| {
-        let class = told.device_class;
         format!(
             "chosen by prediction alone: {:.2} times the input's speed on a device of class {class}",
             before / after
@@ -68,7 +68,7 @@ fn predicted(method: &MethodReport, told: &Told) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::super::Candidate;
-    use super::super::tests::{method, told, verification};
+    use super::super::tests::{method, verification};
     use super::*;
 
     fn speed(measured_on: &'static str, speedup_ratio: f64, spread_ratio: f64) -> Speed {
@@ -82,7 +82,7 @@ mod tests {
     }
 
     fn said(verdict: Verdict, overall: Speed, decided_by: DecidedBy) -> String {
-        words(verdict, &overall, &verification(), &method(decided_by), &told())
+        words(verdict, &overall, &verification(), &method(decided_by), "no-rt-cores")
     }
 
     #[test]
@@ -122,6 +122,6 @@ mod tests {
     fn nothing_is_predicted_without_a_price() {
         let mut unpriced = method(DecidedBy::Prediction);
         unpriced.candidates.iter_mut().for_each(|c: &mut Candidate| c.sampled_cost = Some(0.0));
-        assert_eq!(predicted(&unpriced, &told()), None);
+        assert_eq!(predicted(&unpriced, "no-rt-cores"), None);
     }
 }

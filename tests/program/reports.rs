@@ -91,7 +91,7 @@ fn bounds_that_do_not_hold_are_named_with_how_far_and_why() {
     for (more, words) in cases {
         let report = report_of("overlapping", more);
         let said = |note: &&str| note.contains("does not hold") && words.iter().all(|w| note.contains(w));
-        assert!(notes(&report).iter().any(|note| said(note)), "{more:?}: {words:?} is missing in {:?}", notes(&report));
+        assert!(notes(&report).iter().any(said), "{more:?}: {words:?} is missing in {:?}", notes(&report));
     }
 }
 
