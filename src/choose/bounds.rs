@@ -218,7 +218,7 @@ impl<'l> Causes<'l> {
                 "no candidate keeps to all that is allowed, and the input stays".to_owned()
             }
             (Cause::Whole, Origin::Asked(Method::Cluster) | Origin::Chosen(_)) => {
-                "it is a leaf of the tree that is cut, or one triangle, and is not divided further".to_owned()
+                "it is one triangle, or a leaf of the tree that is cut".to_owned()
             }
             (Cause::Whole, Origin::Asked(method)) => format!("`{}` does not heed it", method.name()),
         }

@@ -123,7 +123,8 @@ impl Ground {
         let others = [without_units, peeled];
         let all = others.into_iter().flatten();
         let (groups, _) = all.fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best });
-        if limits.search { search::improve(&self.soup, groups, limits) } else { groups }
+        let groups = if limits.search { search::improve(&self.soup, groups, limits) } else { groups };
+        in_bounds(groups, limits.max_triangles.max(1) as usize)
     }
 
     /// What is known of the tree, by rays.
@@ -178,6 +179,15 @@ impl Ground {
         }
         programme::cut(&Known { tree: &tree, facts: &facts, own: &own, base: self.base }, limits)
     }
+}
+
+/// Groups of at most so many triangles: what was not divided because it is a leaf of the tree is divided in tree order.
+fn in_bounds(groups: Vec<Group>, most: usize) -> Vec<Group> {
+    let divided = |group: Group| match group.items.len() <= most {
+        true => vec![group],
+        false => group.items.chunks(most).map(|items| Group { items: items.to_vec(), frame: group.frame }).collect(),
+    };
+    groups.into_iter().flat_map(divided).collect()
 }
 
 /// The frame in which a tree over all triangles, refitted, costs least; the world's unless another is clearly better.

@@ -133,8 +133,7 @@ fn bounds_on_groups_hold() {
     for most in [1, 7, 100, 511, 1025, 5000] {
         let layout = checked(&scene, &Options { max_group_triangles: Some(most), ..options() });
         let largest = group_sizes(&scene, &layout).into_iter().max().unwrap_or(0);
-        // A leaf of the tree is never divided.
-        assert!(largest <= most.max(8) as usize, "{largest} of {most}");
+        assert!(largest <= most as usize, "{largest} of {most}");
     }
     let layout = checked(&scene, &Options { max_group_extent_ratio: Some(0.2), ..options() });
     let extent = scene.bounds().size().max_element();
