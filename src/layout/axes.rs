@@ -43,7 +43,7 @@ pub(crate) fn turn_axes(layout: &mut Layout, number: u8) {
     }
 }
 
-/// The same for the scene that a layout comes to ([`super::stored`]), of which the meshes that are rewritten are told.
+/// The same for the scene that a layout comes to ([`super::stored()`]), of which the meshes that are rewritten are told.
 pub(crate) fn turn_stored(scene: &mut Scene, is_rewritten: &[bool], number: u8) {
     let turn = way(number);
     let back = turn.transpose();

@@ -9,7 +9,7 @@
 //! | `Ke`, `map_Ke` | `emissiveFactor`, `emissiveTexture`; above 1 `KHR_materials_emissive_strength` |
 //! | `Pr`, else `Ns` | `roughnessFactor`, see [`roughness`] |
 //! | `Pm` | `metallicFactor`, else 0 |
-//! | `map_Pr`, `map_Pm` | `metallicRoughnessTexture` where one image can serve, see [`metallic_roughness`] |
+//! | `map_Pr`, `map_Pm` | `metallicRoughnessTexture` where one image can serve, see [`Conversion::roughness_maps`] |
 //! | `norm`, `map_Kn` | `normalTexture` (`-bm`: its scale); `bump` is a height and stays in extras |
 //! | `Ni` above 1 | `KHR_materials_ior` |
 //! | `Pc`, `Pcr`; `Ps`; `aniso`, `anisor` | `KHR_materials_clearcoat`; `_sheen`; `_anisotropy` |
