@@ -220,6 +220,12 @@ impl Document {
         crate::gltf::compact::compact(self)
     }
 
+    /// Takes the extensions out of `extensionsUsed` and `extensionsRequired` of which the document this one was made from
+    /// has objects and this one has none left. What was listed without an object stays listed.
+    pub fn forget_extensions_gone_since(&mut self, input: &Document) {
+        crate::gltf::extensions::forget_unused(&mut self.json, &input.json);
+    }
+
     /// Writes the document as `.glb`, or `.gltf` with one `.bin` and its images, into a hidden folder beside
     /// `out`; nothing appears under the final names before [`Staged::commit`].
     ///

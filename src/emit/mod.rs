@@ -100,5 +100,6 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -
     if let Some(extension) = document.compact().held_by {
         notes.push(format!("unused data stays in the file: the extension {extension} may refer to it"));
     }
+    document.forget_extensions_gone_since(doc);
     Emitted { document, position_error, copied: batches.copied, pruned_nodes, notes }
 }

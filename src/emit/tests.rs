@@ -267,6 +267,7 @@ fn pieces_of_instanced_copies_are_children_with_the_copies() {
     );
     let translations: [[f32; 3]; 3] = [[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 2.0]];
     doc.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
+    doc.json["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
     doc.json["accessors"]
         .as_array_mut()
         .expect("accessors")
@@ -287,6 +288,31 @@ fn pieces_of_instanced_copies_are_children_with_the_copies() {
     assert!(copies(1)["TRANSLATION"].is_u64() && copies(1) == copies(2));
     let identity = crate::verify::identity::Identity::new(&scene, &after);
     assert_eq!(identity.known(), 6, "every triangle of every copy leads back");
+    assert_eq!(document.json["extensionsUsed"], json!(["EXT_mesh_gpu_instancing"]));
+
+    let document = emit(&doc, &scene, &baked(&scene), &Options::default()).document;
+    assert_eq!(shown(&scene), shown(&load(&document)));
+    for list in ["extensionsUsed", "extensionsRequired"] {
+        assert!(document.json.get(list).is_none(), "no node has copies any more");
+    }
+}
+
+#[test]
+fn extensions_are_forgotten_only_where_the_last_use_went() {
+    let mut doc = document(
+        json!([{"mesh": 0}]),
+        json!({"primitives": [surface(0)], "extensions": {"KHR_xmp_json_ld": {"packet": 0}}}),
+    );
+    doc.json["extensionsUsed"] = json!(["KHR_mesh_quantization", "KHR_xmp_json_ld", "KHR_texture_transform"]);
+    doc.json["extensionsRequired"] = json!(["KHR_mesh_quantization", "KHR_xmp_json_ld"]);
+    doc.json["materials"] = json!([{"extras": {"extensions": {"KHR_xmp_json_ld": {}}}}]);
+    let scene = load(&doc);
+    let kept = crate::layout::run(crate::layout::Method::Keep, &scene, &Default::default());
+    let kept = emit(&doc, &scene, &kept, &Options::default()).document.json;
+    assert_eq!(kept["extensionsUsed"], doc.json["extensionsUsed"]);
+    let json = emit(&doc, &scene, &baked(&scene), &Options::default()).document.json;
+    assert_eq!(json["extensionsUsed"], json!(["KHR_mesh_quantization", "KHR_texture_transform"]));
+    assert_eq!(json["extensionsRequired"], json!(["KHR_mesh_quantization"]));
 }
 
 #[test]

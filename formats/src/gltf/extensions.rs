@@ -1,5 +1,7 @@
 //! What is known of glTF extensions: which can be read, and which refer to what the bake renumbers.
 
+use std::collections::BTreeSet;
+
 use serde_json::Value;
 
 use super::json::At;
@@ -119,6 +121,34 @@ pub(super) fn remove(object: &mut Value, name: &str) -> Option<Value> {
         object.as_object_mut()?.shift_remove("extensions");
     }
     removed
+}
+
+/// Forgets the extensions of which `input` has objects and `json` has none left.
+pub(crate) fn forget_unused(json: &mut Value, input: &Value) {
+    if json.get("extensionsUsed").is_none() && json.get("extensionsRequired").is_none() {
+        return;
+    }
+    let now = names(json);
+    let gone: Vec<&String> = names(input).into_iter().filter(|name| !now.contains(name)).collect();
+    gone.into_iter().for_each(|name| forget(json, name));
+}
+
+/// The names of all extension objects, those in extras apart.
+fn names(json: &Value) -> BTreeSet<&String> {
+    let mut names = BTreeSet::new();
+    let mut todo = vec![json];
+    while let Some(value) = todo.pop() {
+        match value {
+            Value::Array(list) => todo.extend(list),
+            Value::Object(map) => {
+                let extensions = map.get("extensions").and_then(Value::as_object);
+                names.extend(extensions.into_iter().flat_map(|e| e.keys()));
+                todo.extend(map.iter().filter(|(key, _)| *key != "extras").map(|(_, value)| value));
+            }
+            _ => {}
+        }
+    }
+    names
 }
 
 /// Takes a name out of `extensionsUsed` and `extensionsRequired`.
