@@ -6,9 +6,10 @@ use std::time::Instant;
 use raykiln_formats::Document;
 use serde_json::Value;
 
+use super::turned::{self, Class};
 use super::{BakeOptions, measure_with};
 use crate::choose::Choice;
-use crate::copies::{self, Copies, Likeness};
+use crate::copies::{self, CopiedMesh, Copies, Likeness};
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::report::Pass;
@@ -41,13 +42,17 @@ impl FindCopies {
 /// Predicted cost that sharing may add, over the input's: what it saves is memory.
 const MOST_COST_RATIO: f64 = 1.01;
 
+/// Where so many classes cost too much together, one in so many of them is tried.
+const FEWER: usize = 8;
+
 /// Share of the input's predicted bytes of acceleration structures that `auto` must save to share at all.
 const LEAST_SAVED_RATIO: f64 = 0.05;
 
 /// Bytes that `auto` must save besides: what devices allocate at least at a time (see rule RK009 of `inspect`).
 const LEAST_SAVED_BYTES: u64 = 64 << 10;
 
-/// Lets meshes stand in for their copies, unless their looser boxes cost too much or hardly any memory is saved.
+/// Lets meshes stand in for their copies, but for those whose looser boxes cost too much, and unless hardly any memory
+/// is saved.
 /// Returns the metrics of the scene with them, and what was done; nothing where the options leave the pass out.
 pub(super) fn share(
     doc: &Document,
@@ -93,32 +98,92 @@ fn apply(
     found: &Copies,
     options: &BakeOptions,
 ) -> (Metrics, bool, String) {
-    let [copies, models] = [found.list.len(), found.models()];
-    let words = match copies {
+    let Part { shared, metrics, cost_of_all } = best_part(doc, scene, trees, before, found, options);
+    let looser =
+        |cost| format!("turned boxes are looser: predicted cost {cost:.2} against {:.2}", before.two_level_cost);
+    if let Some(cost) = cost_of_all.filter(|_| shared.list.is_empty()) {
+        return (before.clone(), false, format!("{}, but {}", words(&found.list), looser(cost)));
+    }
+    let saved = before.as_bytes().saturating_sub(metrics.as_bytes());
+    let mut reason = words(&shared.list);
+    let applied = options.copies != FindCopies::ByMethod || saved >= least_saved_bytes(before);
+    if applied {
+        let stored = bytes(stored_bytes(doc, scene, &shared));
+        reason += &format!(
+            "; sharing saves {stored} of stored geometry and {} of predicted acceleration structures",
+            bytes(saved)
+        );
+    } else {
+        copies::undo(scene);
+        reason += &format!(", but sharing them saves only {}", bytes(saved));
+    }
+    if let Some(cost) = cost_of_all {
+        let is_shared: BTreeSet<_> = shared.list.iter().map(|c| c.mesh).collect();
+        let left_out: Vec<CopiedMesh> = found.list.iter().filter(|c| !is_shared.contains(&c.mesh)).cloned().collect();
+        reason += &format!("; {}, left out: with them {}", words(&left_out), looser(cost));
+    }
+    (if applied { metrics } else { before.clone() }, applied, reason)
+}
+
+fn words(list: &[CopiedMesh]) -> String {
+    let models: BTreeSet<_> = list.iter().map(|c| c.model).collect();
+    match list.len() {
         1 => "1 mesh is a copy of another".to_owned(),
-        _ => format!("{} are copies of {models}", counted(copies, "mesh")),
-    };
-    let blas_per = options.verify.build.blas_per;
+        copies => format!("{} are copies of {}", counted(copies, "mesh"), models.len()),
+    }
+}
+
+/// Copies that are shared in a scene.
+struct Part {
+    shared: Copies,
+    metrics: Metrics,
+    /// The predicted cost of sharing all there are, if that is too much.
+    cost_of_all: Option<f64>,
+}
+
+/// Shares all copies, or those whose boxes stay as tight and what looser ones [`MOST_COST_RATIO`] affords: the classes
+/// that save most bytes for what they cost. What is turned and not shared is still shared with what equals it exactly.
+fn best_part(
+    doc: &Document,
+    scene: &mut Scene,
+    trees: &MeshTrees,
+    before: &Metrics,
+    found: &Copies,
+    options: &BakeOptions,
+) -> Part {
+    let per = options.verify.build.blas_per;
+    let fits = |metrics: &Metrics| metrics.two_level_cost <= MOST_COST_RATIO * before.two_level_cost;
     copies::apply(scene, found);
-    let metrics = measure_with(scene, trees, blas_per);
-    if metrics.two_level_cost > MOST_COST_RATIO * before.two_level_cost {
-        copies::undo(scene);
-        let (with, without) = (metrics.two_level_cost, before.two_level_cost);
-        let reason = format!("{words}, but turned boxes are looser: predicted cost {with:.2} against {without:.2}");
-        return (before.clone(), false, reason);
+    let all = measure_with(scene, trees, per);
+    if fits(&all) {
+        return Part { shared: found.clone(), metrics: all, cost_of_all: None };
     }
-    let as_bytes = [before, &metrics].map(Metrics::as_bytes);
-    let saved = as_bytes[0].saturating_sub(as_bytes[1]);
-    if options.copies == FindCopies::ByMethod && saved < least_saved_bytes(before) {
+    let costs_with = turned::costs_of_instances(scene, trees, per);
+    copies::undo(scene);
+    let costs_without = turned::costs_of_instances(scene, trees, per);
+    let classes = turned::classes(scene, found, [&costs_without, &costs_with]);
+    let mut count = turned::affordable(&classes, (MOST_COST_RATIO - 1.0) * before.two_level_cost);
+    // What the TLAS makes of looser boxes is in no class's cost: fewer are tried where it takes the rest beyond the limit.
+    loop {
+        let shared = without(doc, scene, found, &classes[count..], options.verify.max_position_error_ratio);
+        copies::apply(scene, &shared);
+        let metrics = if shared.list.is_empty() { before.clone() } else { measure_with(scene, trees, per) };
+        if count == 0 || fits(&metrics) {
+            return Part { shared, metrics, cost_of_all: Some(all.two_level_cost) };
+        }
         copies::undo(scene);
-        return (before.clone(), false, format!("{words}, but sharing them saves only {}", bytes(saved)));
+        count /= FEWER;
     }
-    let stored = bytes(stored_bytes(doc, scene, found));
-    let reason = format!(
-        "{words}; sharing saves {stored} of stored geometry and {} of predicted acceleration structures",
-        bytes(saved)
-    );
-    (metrics, true, reason)
+}
+
+/// The copies but for some turned ones, of which only the exact copies of one another stay.
+fn without(doc: &Document, scene: &Scene, found: &Copies, classes: &[Class], max_position_error_ratio: f64) -> Copies {
+    let models: BTreeSet<_> = classes.iter().map(|class| class.model).collect();
+    let is_left_out = |copy: &CopiedMesh| !copy.keeps_boxes() && models.contains(&copy.model);
+    let (left_out, mut list): (Vec<_>, Vec<_>) = found.list.iter().cloned().partition(is_left_out);
+    list.extend(copies::find_exact_among(doc, scene, &left_out, max_position_error_ratio).list);
+    list.sort_unstable_by_key(|copy| copy.mesh);
+    Copies { list, most_saved_bytes: None }
 }
 
 /// Bytes of the accessors that only the copies' meshes use.

@@ -2,6 +2,7 @@
 
 mod clock;
 mod copies;
+mod turned;
 
 use std::path::Path;
 use std::time::Instant;

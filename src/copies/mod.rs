@@ -80,6 +80,14 @@ pub struct CopiedMesh {
     pub order: Option<Arc<TriangleOrder>>,
 }
 
+impl CopiedMesh {
+    /// Whether boxes around the model are as tight as those around the copy: the motion turns by quarters, or not at all.
+    pub fn keeps_boxes(&self) -> bool {
+        let columns = self.motion.matrix3.to_cols_array_2d();
+        columns.iter().all(|column| column.iter().filter(|c| **c != 0.0).count() <= 1)
+    }
+}
+
 /// The copies of a scene, in the order of its meshes.
 #[derive(Clone, Debug, Default)]
 pub struct Copies {
@@ -100,10 +108,28 @@ impl Copies {
 /// points, lines, morph targets or dropped triangles are neither. The model of a class is the mesh of it nearest to its
 /// origin, which is stored most precisely; the first of them in the file.
 pub fn find(doc: &Document, scene: &Scene, options: &Options) -> Copies {
+    find_as(doc, scene, &roles(doc, scene), options)
+}
+
+/// Finds the exact copies among meshes that were found to be copies but are not shared, and their models: these stay models.
+pub fn find_exact_among(
+    doc: &Document,
+    scene: &Scene,
+    left_out: &[CopiedMesh],
+    max_position_error_ratio: f64,
+) -> Copies {
+    let mut narrowed = vec![Role::None; scene.meshes.len()];
+    left_out.iter().for_each(|copy| narrowed[copy.model.0 as usize] = Role::Model);
+    let roles = roles(doc, scene);
+    left_out.iter().map(|copy| copy.mesh.0 as usize).for_each(|mesh| narrowed[mesh] = roles[mesh]);
+    let options = Options { likeness: Likeness::Exact, max_position_error_ratio, least_saved_bytes: 0 };
+    find_as(doc, scene, &narrowed, &options)
+}
+
+fn find_as(doc: &Document, scene: &Scene, roles: &[Role], options: &Options) -> Copies {
     let too_few = |most: u64| (most < options.least_saved_bytes).then_some(most);
     let none = |most_saved_bytes| Copies { list: Vec::new(), most_saved_bytes };
-    let roles = roles(doc, scene);
-    let alike = alike(scene, &roles);
+    let alike = alike(scene, roles);
     if let most @ Some(_) = too_few(alike.iter().map(|meshes| most_saved(scene, meshes)).sum()) {
         return none(most);
     }
@@ -113,7 +139,7 @@ pub fn find(doc: &Document, scene: &Scene, options: &Options) -> Copies {
     if let most @ Some(_) = too_few(groups.par_iter().map(|(_, group)| most_saved(scene, &resembling(group))).sum()) {
         return none(most);
     }
-    let search = Search { doc, scene, options, roles: &roles };
+    let search = Search { doc, scene, options, roles };
     let found: Vec<Vec<CopiedMesh>> = groups.into_par_iter().map(|(_, group)| search.group(group)).collect();
     let mut list: Vec<CopiedMesh> = found.into_iter().flatten().collect();
     list.sort_unstable_by_key(|c| c.mesh);

@@ -294,6 +294,26 @@ fn exact_copies_are_those_that_need_no_motion() {
     }
 }
 
+#[test]
+fn what_is_left_out_is_looked_through_for_exact_copies_of_it_and_of_its_model() {
+    let mut random = Rng::with_seed(5);
+    let base = blob(&mut random).with_attributes();
+    let turned = base.clone().moved(&any_motion(&mut random, 1.0));
+    let solids = [base.clone(), turned.clone(), turned.shuffled(&mut random), base.shuffled(&mut random), turned];
+    let doc = document(&solids);
+    let scene = load(&doc);
+    let found = find(&doc, &scene, &RIGID);
+    assert_eq!((found.list.len(), found.models()), (4, 1));
+    let exact = find_exact_among(&doc, &scene, &found.list, 1e-6);
+    let pairs = |copies: &Copies| copies.list.iter().map(|c| (c.mesh.0, c.model.0)).collect::<Vec<_>>();
+    let of_model = |model: u32| pairs(&exact).iter().filter(|(_, m)| *m == model).count();
+    let model = found.list[0].model.0;
+    assert_eq!((exact.list.len(), exact.models()), (3, 2), "{:?}", pairs(&exact));
+    assert!(exact.list.iter().all(|c| c.mesh.0 != model), "a model stays one");
+    assert_eq!(of_model(model), if [0, 3].contains(&model) { 1 } else { 2 });
+    assert!(find_exact_among(&doc, &scene, &[], 1e-6).list.is_empty());
+}
+
 /// Changes that make a mesh no copy.
 fn faults(solid: &Solid) -> Vec<(&'static str, Solid)> {
     let changed = |change: &dyn Fn(&mut Solid)| {

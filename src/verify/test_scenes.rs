@@ -49,13 +49,13 @@ pub(super) fn instance(node: u32, mesh: u32, transform: DAffine3) -> Instance {
 }
 
 /// A scene of meshes and placements, the nodes numbered in order.
-pub(super) fn scene(meshes: Vec<Mesh>, placements: &[(u32, DAffine3)]) -> Scene {
+pub(crate) fn scene(meshes: Vec<Mesh>, placements: &[(u32, DAffine3)]) -> Scene {
     let instances = (0..).zip(placements).map(|(node, &(mesh, transform))| instance(node, mesh, transform)).collect();
     Scene { meshes, instances, materials: vec![Default::default(); 4], nodes: placements.len(), ..Scene::default() }
 }
 
 /// A cube from -1 to 1, its faces outward, each of two triangles.
-pub(super) fn cube(source: u32, material: Option<u32>) -> Mesh {
+pub(crate) fn cube(source: u32, material: Option<u32>) -> Mesh {
     let corner = |i: u32| Vec3::from_array([1, 2, 4].map(|bit| if i & bit != 0 { 1.0 } else { -1.0 }));
     let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();

@@ -33,8 +33,10 @@ type Written = (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<[u16; 3]>);
 
 /// The corners of a copy, with normals along z turned likewise, and its triangles, in reversed order if `reversed`.
 fn baked(i: u32, reversed: bool) -> Written {
-    let (corners, mut triangles) = strip();
-    let by = motion(i);
+    moved(strip(), &motion(i), reversed)
+}
+
+fn moved((corners, mut triangles): (Vec<DVec3>, Vec<[u16; 3]>), by: &DAffine3, reversed: bool) -> Written {
     if by.matrix3.determinant() < 0.0 {
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
@@ -48,10 +50,15 @@ fn baked(i: u32, reversed: bool) -> Written {
 
 /// A GLB file of copies, each written out where it is; the even ones under a turned parent with a child of their own.
 fn flattened(folder: &Path, count: u32) -> PathBuf {
+    file_of((0..count).map(|i| baked(i, i % 5 == 4)).collect(), folder, [0.6, 0.8])
+}
+
+/// A GLB file of meshes; the even ones under a parent, turned so about z, with a child of their own.
+fn file_of(written: Vec<Written>, folder: &Path, turn: [f64; 2]) -> PathBuf {
+    let count = written.len() as u32;
     let mut bin: Vec<u8> = Vec::new();
     let (mut views, mut accessors, mut meshes, mut nodes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for i in 0..count {
-        let (normals, positions, triangles) = baked(i, i % 5 == 4);
+    for (i, (normals, positions, triangles)) in (0u32..).zip(written) {
         let low = (0..3).map(|axis| positions.iter().map(|p| p[axis]).fold(f32::INFINITY, f32::min));
         let high = (0..3).map(|axis| positions.iter().map(|p| p[axis]).fold(f32::NEG_INFINITY, f32::max));
         let bounds = json!([low.collect::<Vec<_>>(), high.collect::<Vec<_>>()]);
@@ -78,7 +85,8 @@ fn flattened(folder: &Path, count: u32) -> PathBuf {
         nodes[i]["children"] = json!([nodes.len()]);
         nodes.push(json!({"name": format!("below {i}"), "translation": [1, 2, 3]}));
     }
-    nodes.push(json!({"rotation": [0.0, 0.0, 0.6, 0.8], "children": (0..count).step_by(2).collect::<Vec<_>>()}));
+    nodes
+        .push(json!({"rotation": [0.0, 0.0, turn[0], turn[1]], "children": (0..count).step_by(2).collect::<Vec<_>>()}));
     let mut roots: Vec<usize> = (1..count as usize).step_by(2).collect();
     roots.push(nodes.len() - 1);
     let json = json!({
@@ -129,6 +137,46 @@ fn copies_written_out_become_instances_of_one_mesh() {
             assert_eq!(now["extras"]["raykiln"]["mesh"]["name"], before["meshes"][mesh as usize]["name"]);
         }
     }
+}
+
+/// Turned about an axis that is none of the coordinates', and moved along x.
+fn turned(solid: (Vec<DVec3>, Vec<[u16; 3]>), angle: f64, place: f64) -> Written {
+    let turn = DQuat::from_axis_angle(dvec3(0.3, 1.0, 0.7).normalize(), angle);
+    moved(solid, &DAffine3::from_rotation_translation(turn, dvec3(place, 0.0, 0.0)), false)
+}
+
+/// A strip of another shape: no copy of the first.
+fn other_strip() -> (Vec<DVec3>, Vec<[u16; 3]>) {
+    let (corners, triangles) = strip();
+    (corners.into_iter().map(|p| p * dvec3(8.0, 0.1, 0.1)).collect(), triangles)
+}
+
+#[test]
+fn turned_copies_with_looser_boxes_do_not_keep_equal_meshes_from_being_shared() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let equal = (0..8).map(|_| turned(strip(), 0.0, 0.0));
+    // Each of the long ones comes twice.
+    let long = (0..16).map(|i| turned(other_strip(), f64::from(i / 2), 3.0 * f64::from(i / 2)));
+    let input = file_of(equal.chain(long).collect(), folder.path(), [0.0, 1.0]);
+    let output = folder.path().join("out.glb");
+    let bake = |more: &[&str]| bake(&input, &output, &[&["--method", "keep", "--copies"], more].concat());
+    let exact = bake(&["exact"]);
+    assert_eq!(exact["after"]["mesh_groups"], 9, "{}", pass(&exact));
+    let rigid = bake(&["rigid"]);
+    assert_eq!((&rigid["after"]["mesh_groups"], &rigid["verify"]["mismatches"]), (&json!(9), &json!(0)));
+    let reason = pass(&rigid)["reason"].as_str().expect("a reason");
+    for words in
+        ["15 meshes are copies of 9; ", " saved; 7 meshes are copies of 1, left out: with them turned boxes are"]
+    {
+        assert!(reason.contains(words), "{words}: {reason}");
+    }
+    Surface::of_input(&input).assert_shown_by(&Surface::of_output(&output));
+    let [before, after] = ["before", "after"].map(|side| rigid[side]["two_level_cost"].as_f64().expect("a cost"));
+    assert!(after <= 1.01 * before, "{after} after {before}");
+
+    let report = crate::common::bake(&input, &output, &["--method", "auto", "--effort", "0"]);
+    assert!(pass(&report)["reason"].as_str().expect("a reason").contains("15 meshes are copies of 9"), "{report}");
+    Surface::of_input(&input).assert_shown_by(&Surface::of_output(&output));
 }
 
 #[test]
