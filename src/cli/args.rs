@@ -32,7 +32,7 @@ pub(super) struct Arguments {
 #[derive(Debug, Args)]
 pub(super) struct Output {
     /// Threads to use [default: one for each core]
-    #[arg(long, global = true, value_name = "N")]
+    #[arg(long, global = true, value_name = "N", value_parser = at_least_one)]
     pub(super) threads: Option<NonZeroUsize>,
     /// Print nothing but errors and what was asked for
     #[arg(long, short, global = true)]
@@ -183,7 +183,7 @@ struct LayoutArguments {
     min_triangles: usize,
     /// Leave instances instanced where writing them out would need more predicted BLAS and TLAS bytes than this times
     /// the input's [default: 1.25 for auto, no limit otherwise]
-    #[arg(long, value_name = "RATIO", value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", value_parser = positive_ratio)]
     max_bytes_ratio: Option<f64>,
     /// What a method does with instances of meshes that several place
     /// [default: bake-or-keep; auto: whatever pays]
@@ -210,7 +210,7 @@ struct LayoutArguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_group_triangles: Option<u32>,
     /// cluster: longest side of a group's box over that of the scene's [default: no limit]
-    #[arg(long, value_name = "RATIO", value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", value_parser = positive_ratio)]
     max_group_extent_ratio: Option<f64>,
 }
 
@@ -391,9 +391,18 @@ impl From<MatchArgument> for MatchBy {
 
 fn ratio(text: &str) -> Result<f64, String> {
     match text.parse() {
-        Ok(value) if value >= 0.0 => Ok(value),
-        _ => Err("a ratio is a number of at least 0".into()),
+        Ok(value) if (0.0..f64::INFINITY).contains(&value) => Ok(value),
+        _ => Err("must be a finite number of at least 0".into()),
     }
+}
+
+fn positive_ratio(text: &str) -> Result<f64, String> {
+    ratio(text).ok().filter(|value| *value > 0.0).ok_or_else(|| "must be a finite number above 0".into())
+}
+
+fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
+    let number: usize = text.parse().map_err(|e| format!("{e}"))?;
+    NonZeroUsize::new(number).ok_or_else(|| "must be at least 1".into())
 }
 
 impl BakeArguments {

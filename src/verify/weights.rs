@@ -76,11 +76,15 @@ impl std::str::FromStr for Weights {
     /// Reads `primary=1,shadow=1,diffuse=1,random=0`; kinds left out count nothing.
     fn from_str(text: &str) -> Result<Weights, String> {
         let mut weights = Weights([0.0; 4]);
+        let mut given = [false; 4];
         for part in text.split(',') {
             let (name, value) = part.split_once('=').ok_or_else(|| format!("`{part}` is not KIND=WEIGHT"))?;
             let names = Kinds::default().named().map(|(name, _)| name);
             let kind = names.iter().position(|n| *n == name.trim());
             let kind = kind.ok_or_else(|| format!("`{name}` is none of {}", names.join(", ")))?;
+            if std::mem::replace(&mut given[kind], true) {
+                return Err(format!("`{}` is given twice", names[kind]));
+            }
             weights.0[kind] = match value.trim().parse() {
                 Ok(weight) if (0.0..f64::INFINITY).contains(&weight) => weight,
                 _ => return Err(format!("`{value}` is not a weight: a number of at least 0")),
@@ -122,7 +126,16 @@ mod tests {
     #[test]
     fn weights_are_read_by_name() {
         assert_eq!("shadow=2, diffuse=0.5".parse(), Ok(Weights([0.0, 2.0, 0.5, 0.0])));
-        for wrong in ["", "shadow", "shadows=1", "shadow=-1", "shadow=inf", "shadow=0"] {
+        for wrong in [
+            "",
+            "shadow",
+            "shadows=1",
+            "shadow=-1",
+            "shadow=inf",
+            "shadow=0",
+            "shadow=1,shadow=1",
+            "shadow=0,random=1, shadow=2",
+        ] {
             assert!(wrong.parse::<Weights>().is_err(), "{wrong}");
         }
     }
