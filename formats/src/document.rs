@@ -245,6 +245,16 @@ impl Document {
     }
 }
 
+pub use crate::gltf::staged::Placed;
+
+/// Refuses an output that [`Document::stage`] could not write, before any work is done.
+///
+/// # Errors
+/// An extension that is neither `.glb` nor `.gltf`; a folder that is missing or cannot be written to.
+pub fn check_output(out: &Path) -> Result<(), Error> {
+    crate::gltf::write::check(out)
+}
+
 /// Files written but not yet in place. Dropped without [`Staged::commit`], they vanish.
 #[derive(Debug)]
 pub struct Staged {

@@ -10,7 +10,7 @@ use std::time::Instant;
 pub use clock::Stage;
 pub use copies::FindCopies;
 
-use raykiln_formats::document::Staged;
+use raykiln_formats::document::{self, Staged};
 use raykiln_formats::{Document, Warning};
 
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
@@ -94,16 +94,27 @@ pub enum BakeError {
     Internal(String),
 }
 
-/// Bakes `input` into `output`. On a failed verification the report says so and there is no output.
+/// What a bake came to.
+#[derive(Debug)]
+pub struct Baked {
+    /// What was done, and what came of it.
+    pub report: BakeReport,
+    /// The output, not yet in place; none on a failed verification.
+    pub output: Option<Staged>,
+}
+
+/// Bakes `input` into what will be `output` once it is put in place. On a failed verification the report says so and there
+/// is no output.
 ///
 /// # Errors
-/// An input that cannot be read, an output that cannot be written, a device named that cannot trace; then there is no output either.
+/// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
 pub fn bake(
     input: &Path,
     output: &Path,
     options: &BakeOptions,
     progress: &mut dyn FnMut(Stage),
-) -> Result<BakeReport, BakeError> {
+) -> Result<Baked, BakeError> {
+    document::check_output(output)?;
     let mut clock = Clock::start(progress);
     clock.enter(Stage::Verify);
     let machine = Machine::open(&options.verify.device)?;
@@ -150,15 +161,12 @@ pub fn bake(
         peak_memory_bytes: None,
         output_bytes: written.staged.bytes(),
         copied: written.copied,
-        warnings: words(&[&doc.warnings, &scene_warnings, &written.staged.warnings]),
+        warnings: words(&[&scene_warnings, &doc.warnings, &written.staged.warnings]),
     };
-    clock.enter(Stage::Write);
-    if report.verdict != Verdict::Failed {
-        written.staged.commit()?;
-    }
     report.seconds = clock.stop();
     report.peak_memory_bytes = clock::peak_memory_bytes();
-    Ok(report)
+    let output = (report.verdict != Verdict::Failed).then_some(written.staged);
+    Ok(Baked { report, output })
 }
 
 fn words(warnings: &[&[Warning]]) -> Vec<String> {

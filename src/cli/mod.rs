@@ -3,16 +3,17 @@
 mod args;
 mod heap;
 mod progress;
+mod reports;
 
-use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use clap::{CommandFactory, Parser};
+use raykiln_formats::document::{Placed, Staged};
 
-use crate::bake::{self, BakeOptions};
+use crate::bake::{self, BakeOptions, Baked};
 use crate::compare;
 use crate::inspect;
 use crate::lab;
@@ -20,6 +21,7 @@ use crate::report::{self, Verdict};
 use crate::scene::LoadOptions;
 use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
+use reports::Reports;
 
 /// Exit status of a failed verification or fit.
 const FAILED: u8 = 1;
@@ -70,12 +72,18 @@ fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
 
 fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
     let options: BakeOptions = arguments.options()?;
-    check_reports(&arguments.report)?;
+    let reports = Reports::check(&arguments.report, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);
-    let report = bake::bake(&arguments.input, &arguments.output, &options, &mut |stage| progress.enter(stage.label()));
+    let baked = bake::bake(&arguments.input, &arguments.output, &options, &mut |stage| progress.enter(stage.label()));
     progress.finish();
-    let report = report?;
-    let json = write_reports(&report, &arguments.report)?;
+    let Baked { report, output: scene } = baked?;
+    let json = report::json::to_json(&report);
+    let reports = reports.stage(&json)?;
+    let placed = scene.map(Staged::put_in_place).transpose()?;
+    if let Err(e) = reports.commit() {
+        placed.into_iter().for_each(Placed::take_back);
+        return Err(e);
+    }
     if !output.quiet {
         report::text::bake(&report, output.verbose > 0);
     }
@@ -92,14 +100,15 @@ fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
 }
 
 fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode> {
-    check_reports(&arguments.report)?;
+    let reports = Reports::check(&arguments.report, &[&arguments.before, &arguments.after])?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("verifying");
     let by = arguments.match_by.into();
     let report = compare::compare(&arguments.before, &arguments.after, by, &arguments.verify.options());
     progress.finish();
     let report = report?;
-    let json = write_reports(&report, &arguments.report)?;
+    let json = report::json::to_json(&report);
+    reports.stage(&json)?.commit()?;
     if arguments.json {
         print(json.as_bytes())?;
     } else if !output.quiet {
@@ -113,14 +122,15 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
 }
 
 fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode> {
-    check_reports(&arguments.report)?;
+    let reports = Reports::check(&arguments.report, &[&arguments.input])?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
     let load = LoadOptions { strict: arguments.strict, keep: Vec::new() };
     let report = inspect::inspect(&arguments.input, &load);
     progress.finish();
     let report = report?;
-    let json = write_reports(&report, &arguments.report)?;
+    let json = report::json::to_json(&report);
+    reports.stage(&json)?.commit()?;
     if arguments.json { print(json.as_bytes()) } else { print(report::text::inspect(&report).as_bytes()) }
 }
 
@@ -156,30 +166,6 @@ fn manual() -> Result<Vec<u8>> {
         clap_mangen::Man::new(subcommand.clone()).render(&mut pages)?;
     }
     Ok(pages)
-}
-
-/// Writes a report to the files asked for; returns it as JSON.
-fn write_reports(report: &impl serde::Serialize, files: &[PathBuf]) -> Result<String> {
-    let json = report::json::to_json(report);
-    for file in files {
-        fs::write(file, &json).with_context(|| format!("{}: cannot be written", file.display()))?;
-    }
-    Ok(json)
-}
-
-/// Refuses report files that cannot be written, before any work is done.
-fn check_reports(files: &[PathBuf]) -> Result<()> {
-    for file in files {
-        let is_json = |f: &Path| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-        anyhow::ensure!(
-            is_json(file),
-            "--report {}: only reports with the extension .json can be written",
-            file.display()
-        );
-        let folder = file.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        anyhow::ensure!(folder.is_dir(), "--report {}: there is no folder {}", file.display(), folder.display());
-    }
-    Ok(())
 }
 
 fn print(bytes: &[u8]) -> Result<ExitCode> {

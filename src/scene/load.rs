@@ -19,7 +19,8 @@ pub struct LoadOptions {
     pub keep: Vec<String>,
 }
 
-/// Makes the scene a ray tracer sees of the document's default scene; also returns what was left out.
+/// Makes the scene a ray tracer sees of the document's default scene; also returns which patterns match nothing, and
+/// what was left out.
 ///
 /// # Errors
 /// Whatever [`Document::contents`] finds; a pattern that is no glob; a transform that overflows; a scene without a
@@ -27,8 +28,9 @@ pub struct LoadOptions {
 pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning>), Error> {
     let keep = patterns(&options.keep).map_err(|e| Error::whole(&doc.path, format!("--keep: {e}")))?;
     let mut contents = doc.contents(ReadOptions { strict: options.strict })?;
-    let warnings = std::mem::take(&mut contents.warnings);
     let shown = walk(&contents, &keep);
+    let mut warnings = unmatched(&contents, &shown, &options.keep, &keep);
+    warnings.append(&mut contents.warnings);
     let (meshes, mesh_ids) = meshes(&mut contents, &shown);
     let mut scene = Scene {
         instances: instances(doc, &contents, &shown, &meshes, &mesh_ids)?,
@@ -53,6 +55,20 @@ fn patterns(globs: &[String]) -> Result<GlobSet, globset::Error> {
         set.add(Glob::new(glob)?);
     }
     set.build()
+}
+
+/// A warning of each pattern that matches nothing and so protects nothing.
+fn unmatched(contents: &Contents, shown: &[Shown], globs: &[String], keep: &GlobSet) -> Vec<Warning> {
+    let mut matched = vec![false; globs.len()];
+    for node in shown.iter().map(|s| &contents.nodes[s.node]).filter(|_| !globs.is_empty()) {
+        let mesh = node.mesh.map(|m| &contents.meshes[m]);
+        for name in [node.name.as_deref(), mesh.and_then(|m| m.name.as_deref())].into_iter().flatten() {
+            keep.matches(name).into_iter().for_each(|glob| matched[glob] = true);
+        }
+    }
+    let unmatched = globs.iter().zip(matched).filter(|(_, matched)| !matched);
+    let message = |glob| format!("`{glob}` matches no node and no mesh of the default scene: it protects nothing");
+    unmatched.map(|(glob, _)| Warning { place: "--keep".into(), message: message(glob) }).collect()
 }
 
 /// A node of the default scene.

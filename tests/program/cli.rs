@@ -200,11 +200,93 @@ fn completions_and_the_manual_page_are_printed() {
 #[test]
 fn a_report_that_cannot_be_written_is_refused_before_any_output() {
     let folder = TempDir::new().unwrap();
-    let report = folder.path().join("nowhere/report.json");
-    let (ran, outputs) = bake_heaps(&["--report", report.to_str().unwrap()]);
-    assert_eq!(ran.status, 2);
-    assert!(ran.stderr.contains("there is no folder"), "{}", ran.stderr);
-    assert!(folder_names(outputs.path()).is_empty());
+    fs::create_dir(folder.path().join("folder.json")).unwrap();
+    fs::write(folder.path().join("file"), "").unwrap();
+    let mut cases = vec![
+        ("nowhere/report.json", "there is no folder"),
+        ("folder.json", "is a folder"),
+        ("file/report.json", "there is no folder"),
+        ("report.html", "only reports with the extension .json"),
+    ];
+    if cfg!(target_os = "linux") {
+        cases.push(("/proc/report.json", "the folder /proc cannot be written to"));
+    }
+    for (name, words) in cases {
+        let [good, bad] = ["good.json", name].map(|name| folder.path().join(name));
+        let (ran, outputs) = bake_heaps(&["--report", good.to_str().unwrap(), "--report", bad.to_str().unwrap()]);
+        assert_eq!((ran.status, ran.stdout.as_str()), (2, ""), "{name}");
+        assert!(ran.stderr.contains(words) && ran.stderr.contains(name), "{}", ran.stderr);
+        assert!(folder_names(outputs.path()).is_empty(), "{name}");
+        assert_eq!(folder_names(folder.path()), ["file", "folder.json"], "{name}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_report_replaces_no_scene() {
+    let folder = TempDir::new().unwrap();
+    let scene = sample("overlapping");
+    let [link, output] = ["link.json", "out.glb"].map(|name| folder.path().join(name));
+    std::os::unix::fs::symlink(&scene, &link).unwrap();
+    let before = fs::read(&scene).unwrap();
+    let [scene_text, link, output] = [&scene, &link, &output].map(|path| path.to_str().unwrap());
+    for arguments in
+        [&["bake", scene_text, "-o", output][..], &["inspect", scene_text], &["verify", output, scene_text]]
+    {
+        let ran = raykiln(arguments.iter().chain(&["--report", link]));
+        assert_eq!(ran.status, 2, "{arguments:?}: {}", ran.stderr);
+        assert!(ran.stderr.contains("is the scene itself"), "{}", ran.stderr);
+        assert!(fs::read(&scene).unwrap() == before);
+        assert_eq!(folder_names(folder.path()), ["link.json"]);
+    }
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_refused_in_plain_words() {
+    let folder = TempDir::new().unwrap();
+    fs::create_dir(folder.path().join("folder.glb")).unwrap();
+    let cases = [("nowhere/out.glb", "the folder does not exist"), ("folder.glb", "is a folder"), ("out.obj", "glb")];
+    for (name, words) in cases {
+        let output = folder.path().join(name);
+        let ran = raykiln(["bake", sample("overlapping").to_str().unwrap(), "-o", output.to_str().unwrap()]);
+        assert_eq!(ran.status, 2, "{name}");
+        assert!(ran.stderr.contains(words), "{name}: {}", ran.stderr);
+        assert_eq!(folder_names(folder.path()), ["folder.glb"]);
+    }
+}
+
+#[test]
+fn numbers_that_mean_nothing_are_refused_in_plain_words() {
+    for (option, value, words) in [
+        ("--threads", "0", "must be at least 1"),
+        ("--threads", "-1", "invalid"),
+        ("--weights", "diffuse=1,diffuse=3", "`diffuse` is given twice"),
+        ("--max-group-extent-ratio", "0", "must be a finite number above 0"),
+        ("--max-group-extent-ratio", "NaN", "must be a finite number above 0"),
+        ("--max-group-extent-ratio", "inf", "must be a finite number above 0"),
+        ("--max-bytes-ratio", "0", "must be a finite number above 0"),
+        ("--max-bytes-ratio", "inf", "must be a finite number above 0"),
+        ("--entry-cost", "inf", "must be a finite number of at least 0"),
+        ("--max-position-error-ratio", "nan", "must be a finite number of at least 0"),
+    ] {
+        let ran = raykiln(["bake", "in.glb", "-o", "out.glb", &format!("{option}={value}")]);
+        assert_eq!(ran.status, 2, "{option} {value}");
+        assert!(ran.stderr.contains(words), "{option} {value}: {}", ran.stderr);
+    }
+}
+
+#[test]
+fn patterns_that_match_nothing_are_told() {
+    let keep = ["--method", "single", "--keep", "crate 0.*", "--keep", "crat 0.*", "--keep", "nomatch*"];
+    let (ran, _folder) = bake_heaps(&keep);
+    assert_eq!(ran.status, 0);
+    for glob in ["crat 0.*", "nomatch*"] {
+        let words = format!("warning: --keep: `{glob}` matches no node and no mesh of the default scene");
+        assert!(ran.stderr.contains(&words), "{}", ran.stderr);
+    }
+    assert!(!ran.stderr.contains("`crate 0.*`"), "{}", ran.stderr);
+    let (ran, _folder) = bake_heaps(&[&keep[..], &["--json"]].concat());
+    assert_eq!(ran.json()["warnings"].as_array().map(Vec::len), Some(2));
 }
 
 #[cfg(all(target_os = "linux", target_env = "gnu"))]

@@ -11,11 +11,8 @@ use crate::{Error, Warning};
 impl Staged {
     /// An empty staging folder beside `out`, on the same file system.
     pub(super) fn new(out: &Path) -> Result<Self, Error> {
-        if out.is_dir() {
-            return Err(Error::whole(out, "is a folder"));
-        }
+        let folder = staging_folder(out)?;
         let target = folder_of(out).to_owned();
-        let folder = hidden_folder(&target)?;
         Ok(Staged { folder, target, files: Vec::new(), warnings: Vec::new() })
     }
 
@@ -81,6 +78,14 @@ impl Staged {
     /// Names the file that could not be put in place; files put in place before it are removed again, and those
     /// they had replaced come back.
     pub fn commit(self) -> Result<(), Error> {
+        self.put_in_place().map(drop)
+    }
+
+    /// As [`Staged::commit`], where what comes after may still fail.
+    ///
+    /// # Errors
+    /// As [`Staged::commit`].
+    pub fn put_in_place(self) -> Result<Placed, Error> {
         let backup = hidden_folder(&self.target)?;
         let mut undo = Vec::new();
         for (i, (from, to)) in self.files.iter().enumerate() {
@@ -89,11 +94,27 @@ impl Staged {
                 return Err(Error::whole(to, format_args!("cannot be put in place: {e}")));
             }
         }
-        Ok(())
+        Ok(Placed { undo, _backup: backup })
+    }
+}
+
+/// Files under their final names. Dropped, they stay there.
+#[derive(Debug)]
+pub struct Placed {
+    undo: Vec<Undo>,
+    /// What the files replaced.
+    _backup: tempfile::TempDir,
+}
+
+impl Placed {
+    /// Removes the files again, and brings back those that they replaced, as far as the file system lets it.
+    pub fn take_back(self) {
+        self.undo.into_iter().rev().for_each(Undo::run);
     }
 }
 
 /// What takes back one step of a commit.
+#[derive(Debug)]
 enum Undo {
     RemoveFolder(PathBuf),
     RemoveFile(PathBuf),
@@ -135,10 +156,25 @@ fn make_folders(folder: &Path, undo: &mut Vec<Undo>) -> io::Result<()> {
     Ok(())
 }
 
+/// Refuses a file that cannot be written, before any work is done.
+pub(super) fn check(out: &Path) -> Result<(), Error> {
+    staging_folder(out).map(drop)
+}
+
+fn staging_folder(out: &Path) -> Result<tempfile::TempDir, Error> {
+    if out.is_dir() {
+        return Err(Error::whole(out, "is a folder"));
+    }
+    hidden_folder(folder_of(out))
+}
+
 fn hidden_folder(parent: &Path) -> Result<tempfile::TempDir, Error> {
     tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent).map_err(|e| {
-        let cause = e.kind();
-        Error::whole(parent, format_args!("the folder cannot be written to: {cause}"))
+        let cause = match e.kind() {
+            io::ErrorKind::NotFound => "the folder does not exist".to_owned(),
+            cause => format!("the folder cannot be written to: {cause}"),
+        };
+        Error::whole(parent, cause)
     })
 }
 

@@ -11,9 +11,15 @@ use super::binary::{BIN, CHUNK_HEADER, HEADER, JSON, MAGIC};
 use super::images::Images;
 use super::json::At;
 use super::pack::Packed;
+use super::staged;
 use super::uri::{self, Uri};
 use crate::document::{Document, Kind, Staged};
 use crate::{Error, Warning};
+
+pub(crate) fn check(out: &Path) -> Result<(), Error> {
+    kind_of(out)?;
+    staged::check(out)
+}
 
 pub(crate) fn stage(doc: &Document, out: &Path) -> Result<Staged, Error> {
     let kind = kind_of(out)?;

@@ -1,0 +1,81 @@
+//! The files that a report is written to: staged in hidden folders beside their places, then renamed.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use tempfile::TempDir;
+
+/// Files that a report can be written to.
+pub(super) struct Reports<'a>(&'a [PathBuf]);
+
+impl<'a> Reports<'a> {
+    /// Refuses files that cannot be written, before any work is done. `taken` are the other files of the command.
+    pub(super) fn check(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
+        for file in files {
+            check(file, taken).with_context(|| format!("--report {}", file.display()))?;
+        }
+        Ok(Reports(files))
+    }
+
+    /// Writes a report to all files, none of them in place yet.
+    pub(super) fn stage(&self, json: &str) -> Result<StagedReports> {
+        let stage = |file: &PathBuf| {
+            let staged = Staged::new(file).and_then(|staged| fs::write(&staged.from, json).map(|()| staged));
+            staged.with_context(|| format!("--report {}: cannot be written", file.display()))
+        };
+        Ok(StagedReports(self.0.iter().map(stage).collect::<Result<_>>()?))
+    }
+}
+
+/// A report written to files that are not in place yet. Dropped without [`StagedReports::commit`], they vanish.
+pub(super) struct StagedReports(Vec<Staged>);
+
+impl StagedReports {
+    /// Renames the files to their final names.
+    pub(super) fn commit(self) -> Result<()> {
+        for Staged { from, to, .. } in &self.0 {
+            fs::rename(from, to).with_context(|| format!("--report {}: cannot be put in place", to.display()))?;
+        }
+        Ok(())
+    }
+}
+
+struct Staged {
+    from: PathBuf,
+    to: PathBuf,
+    /// The hidden folder that holds `from`.
+    _folder: TempDir,
+}
+
+impl Staged {
+    fn new(file: &Path) -> io::Result<Staged> {
+        // A link stays one: what it leads to is replaced.
+        let to = fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        let folder = tempfile::Builder::new().prefix(".raykiln-").tempdir_in(folder_of(&to))?;
+        Ok(Staged { from: folder.path().join("report.json"), to, _folder: folder })
+    }
+}
+
+fn check(file: &Path, taken: &[&Path]) -> Result<()> {
+    let is_json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    ensure!(is_json, "only reports with the extension .json can be written");
+    let folder = folder_of(file);
+    ensure!(folder.is_dir(), "there is no folder {}", folder.display());
+    ensure!(!file.is_dir(), "is a folder");
+    let place = place(file);
+    ensure!(!taken.iter().any(|other| self::place(other) == place), "is the scene itself");
+    Staged::new(file).with_context(|| format!("the folder {} cannot be written to", folder.display()))?;
+    Ok(())
+}
+
+/// Where a path leads to, whether there is a file or not.
+fn place(file: &Path) -> PathBuf {
+    let of_folder = || Some(fs::canonicalize(folder_of(file)).ok()?.join(file.file_name()?));
+    fs::canonicalize(file).ok().or_else(of_folder).unwrap_or_else(|| file.to_owned())
+}
+
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
