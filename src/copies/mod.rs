@@ -12,7 +12,7 @@
 //! Near-linear: meshes are sorted by a signature that no motion changes ([`signature`]), and only those within its
 //! error bars of a model are aligned with it ([`align`]). Where very many meshes differ by little more than the
 //! tolerance, comparing signatures takes longer than that. A mesh that resembles [`MOST_ATTEMPTS`] models without being a
-//! copy of any is not tried again.
+//! copy of any is not tried again, but for exact copies.
 
 mod align;
 mod anchors;
@@ -140,10 +140,32 @@ fn find_as(doc: &Document, scene: &Scene, roles: &[Role], options: &Options) -> 
         return none(most);
     }
     let search = Search { doc, scene, options, roles };
-    let found: Vec<Vec<CopiedMesh>> = groups.into_par_iter().map(|(_, group)| search.group(group)).collect();
-    let mut list: Vec<CopiedMesh> = found.into_iter().flatten().collect();
+    let found: Vec<Found> = groups.into_par_iter().map(|(_, group)| search.group(group)).collect();
+    let given_up = found.iter().any(|found| found.given_up);
+    let mut list: Vec<CopiedMesh> = found.into_iter().flat_map(|found| found.copies).collect();
+    if given_up && options.likeness == Likeness::Rigid {
+        let exact = exact_among_the_rest(doc, scene, roles, &list, options);
+        list.extend(exact);
+    }
     list.sort_unstable_by_key(|c| c.mesh);
     Copies { list, most_saved_bytes: None }
+}
+
+/// The exact copies among the meshes that are no copies yet: where many resemble each other, they were not all compared.
+fn exact_among_the_rest(
+    doc: &Document,
+    scene: &Scene,
+    roles: &[Role],
+    list: &[CopiedMesh],
+    options: &Options,
+) -> Vec<CopiedMesh> {
+    let mut rest = roles.to_vec();
+    for copy in list {
+        rest[copy.mesh.0 as usize] = Role::None;
+        rest[copy.model.0 as usize] = Role::Model;
+    }
+    let options = Options { likeness: Likeness::Exact, least_saved_bytes: 0, ..*options };
+    find_as(doc, scene, &rest, &options).list
 }
 
 /// Lets the models stand in for their copies.
@@ -247,6 +269,13 @@ fn by_key(signatures: Vec<Signature>) -> BTreeMap<u64, Vec<Signature>> {
     groups
 }
 
+/// What came of a group.
+struct Found {
+    copies: Vec<CopiedMesh>,
+    /// Whether some mesh resembles more models than it was compared with.
+    given_up: bool,
+}
+
 struct Search<'a> {
     doc: &'a Document,
     scene: &'a Scene,
@@ -256,7 +285,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// The copies among meshes whose signatures have the same key.
-    fn group(&self, mut group: Vec<Signature>) -> Vec<CopiedMesh> {
+    fn group(&self, mut group: Vec<Signature>) -> Found {
         group.sort_by(|a, b| {
             let preference = |s: &Signature| (self.roles[s.mesh.0 as usize] != Role::Model, s.reach);
             let (a_key, b_key) = (preference(a), preference(b));
@@ -288,7 +317,8 @@ impl Search<'_> {
                 copies.extend(found);
             }
         }
-        copies
+        let given_up = attempts.iter().zip(is_copy).any(|(&attempts, is_copy)| attempts >= MOST_ATTEMPTS && !is_copy);
+        Found { copies, given_up }
     }
 
     fn may_be_copy(&self, model: &Signature, other: &Signature) -> bool {

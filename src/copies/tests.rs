@@ -314,6 +314,23 @@ fn what_is_left_out_is_looked_through_for_exact_copies_of_it_and_of_its_model() 
     assert!(find_exact_among(&doc, &scene, &[], 1e-6).list.is_empty());
 }
 
+#[test]
+fn equal_meshes_are_found_among_many_that_nearly_resemble_them() {
+    let mut random = Rng::with_seed(6);
+    let base = blob(&mut random);
+    // One corner is off by more than the tolerance, each in a direction of its own: too far for copies, too
+    // little for signatures.
+    let pair = |_| {
+        let mut solid = base.clone();
+        let way = dvec3(random.f64(), random.f64(), random.f64()) - 0.5;
+        solid.positions[0] += 2.5e-6 * way.normalize();
+        [solid.clone(), solid]
+    };
+    let solids: Vec<Solid> = (0..60).flat_map(pair).collect();
+    let [rigid, exact] = [RIGID, EXACT].map(|options| copies(&solids, &options).list.len());
+    assert!(rigid >= exact && exact >= 60, "{rigid} of {exact}");
+}
+
 /// Changes that make a mesh no copy.
 fn faults(solid: &Solid) -> Vec<(&'static str, Solid)> {
     let changed = |change: &dyn Fn(&mut Solid)| {
