@@ -317,18 +317,26 @@ fn what_is_left_out_is_looked_through_for_exact_copies_of_it_and_of_its_model() 
 #[test]
 fn equal_meshes_are_found_among_many_that_nearly_resemble_them() {
     let mut random = Rng::with_seed(6);
-    let base = blob(&mut random);
-    // One corner is off by more than the tolerance, each in a direction of its own: too far for copies, too
-    // little for signatures.
+    // Corners are off by up to about three times the tolerance: too far for copies, too little for signatures.
     let pair = |_| {
-        let mut solid = base.clone();
-        let way = dvec3(random.f64(), random.f64(), random.f64()) - 0.5;
-        solid.positions[0] += 2.5e-6 * way.normalize();
-        [solid.clone(), solid]
+        let mut off = || 1.5e-3 * random.f64();
+        let corner = |i: u32| dvec3(2.5 * f64::from(i / 2), f64::from(i % 2) * (0.1 + off()), off());
+        let positions: Vec<DVec3> = (0..6).map(corner).collect();
+        [(); 2].map(|()| Solid::new(positions.clone(), vec![[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 5, 4]]))
     };
-    let solids: Vec<Solid> = (0..60).flat_map(pair).collect();
-    let [rigid, exact] = [RIGID, EXACT].map(|options| copies(&solids, &options).list.len());
-    assert!(rigid >= exact && exact >= 60, "{rigid} of {exact}");
+    let solids: Vec<Solid> = (0..80).flat_map(pair).collect();
+    let rigid = Options { max_position_error_ratio: 1e-4, ..RIGID };
+    let (doc, roles) = (document(&solids), vec![Role::Any; solids.len()]);
+    let scene = load(&doc);
+    let all: Vec<MeshId> = (0..solids.len() as u32).map(MeshId).collect();
+    let search = Search { doc: &doc, scene: &scene, options: &rigid, roles: &roles };
+    let groups = by_key(signature::of_all(&doc, &scene, &all, &rigid));
+    assert!(groups.into_values().any(|group| search.group(group).given_up), "not all are compared");
+    let [rigid, exact] = [rigid, EXACT].map(|options| find(&doc, &scene, &options));
+    assert_eq!((exact.list.len(), exact.models()), (80, 80));
+    // Those that are near enough to be copies make it more.
+    let is_paired = |pair: u32| rigid.list.iter().any(|c| c.mesh.0 / 2 == pair);
+    assert!(rigid.list.len() >= 80 && (0..80).all(is_paired), "{}", rigid.list.len());
 }
 
 /// Changes that make a mesh no copy.
