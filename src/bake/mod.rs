@@ -119,7 +119,7 @@ pub fn bake(
     clock.enter(Stage::Verify);
     let machine = Machine::open(&options.verify.device)?;
     clock.enter(Stage::Read);
-    let doc = raykiln_formats::read(input)?;
+    let mut doc = raykiln_formats::read(input)?;
     let (mut scene, scene_warnings) = scene::load(&doc, &options.load)?;
     scene.check().map_err(|e| BakeError::Internal(e.0))?;
 
@@ -132,7 +132,7 @@ pub fn bake(
     let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
     let chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    let given = Given { doc: &doc, scene: &mut scene, trees: &trees };
+    let given = Given { doc: &mut doc, scene: &mut scene, trees: &trees };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
     let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
@@ -208,7 +208,7 @@ pub(crate) fn per_primitive_note(per: BlasPer, scenes: [&Scene; 2], metrics: [&M
 
 /// The input.
 struct Given<'a> {
-    doc: &'a Document,
+    doc: &'a mut Document,
     scene: &'a mut Scene,
     /// The trees of its meshes.
     trees: &'a MeshTrees,
@@ -236,7 +236,7 @@ impl Tried {
         clock: &mut Clock,
     ) -> Result<(Chosen, Tried), BakeError> {
         let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
-        if tried.verdict != Verdict::NotFaster || !chosen.may_be_left_alone || emit::is_unchanged(&chosen.layout) {
+        if tried.verdict != Verdict::NotFaster || !can_be_left_alone(&chosen) {
             return Ok((chosen, tried));
         }
         let chosen = chosen.left_alone(given.scene);
@@ -257,6 +257,10 @@ impl Tried {
         clock.enter(Stage::Write);
         let written = write(doc, scene, &chosen.layout, output, &options.emit())?;
         crate::copies::undo(scene);
+        if !can_be_left_alone(chosen) {
+            // Nothing is written again; the scene has all that rays need.
+            doc.buffers.clear();
+        }
         clock.enter(Stage::Verify);
         let after = read_back(&written, output)?;
         let after_trees = trees.build_for(scene, &after, &chosen.trees);
@@ -264,6 +268,11 @@ impl Tried {
         let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
         Ok(Tried { written, after, trees: after_trees, verification, verdict })
     }
+}
+
+/// Whether the input may be written instead of a layout, once that is verified.
+fn can_be_left_alone(chosen: &Chosen) -> bool {
+    chosen.may_be_left_alone && !emit::is_unchanged(&chosen.layout)
 }
 
 struct Written {

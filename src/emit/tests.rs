@@ -382,7 +382,7 @@ fn a_small_object_in_a_large_scene_keeps_its_shape() {
     let doc = document(
         json!([
             {"mesh": 0, "scale": [1e3, 1e3, 1e3]},
-            {"mesh": 0, "translation": [700.3, 0.0, 0.0], "scale": [1e-1, 1e-1, 1e-1]}
+            {"mesh": 0, "translation": [700.3, 0.0, 0.0], "scale": [0.5, 0.5, 0.5]}
         ]),
         json!({"primitives": [surface(0)]}),
     );
