@@ -8,7 +8,7 @@ use super::model::Ranking;
 use super::passes::pass;
 use super::plans::Plan;
 use crate::cost::mesh_trees::MeshTrees;
-use crate::emit;
+use crate::emit::{self, Refuse};
 use crate::layout::{self, Cache, Content, Layout, PlacedTrees};
 use crate::report::{self, Pass};
 use crate::scene::{Bounds, Pinned, Scene};
@@ -217,6 +217,9 @@ fn longest_group(scene: &Scene, layout: &Layout) -> f64 {
     divisible(scene, layout).map(longest).fold(0.0, f64::max)
 }
 
+/// Layouts tried without those instances alone that rounding moves too far, before all of their groups stay as they are.
+const MOST_ROUNDS: usize = 4;
+
 /// Runs a plan and keeps its rounding within the limit; the scene's pins are as before.
 pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
     let pins_before: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
@@ -227,18 +230,20 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
     let mut passes = vec![pass("regroup", regrouped, reason, start)];
 
     let start = Instant::now();
-    let mut settled = emit::settle(scene, &mut layout, max_error_ratio);
-    let mut held_back = 0;
+    let mut settled = emit::settle(scene, &mut layout, max_error_ratio, Refuse::Instances);
+    let (mut held_back, mut rounds) = (0, 0);
     while !settled.refused.is_empty() {
         held_back += settled.refused.len();
+        rounds += 1;
         scene.pin(&settled.refused, Pinned::Precision);
         layout = layout::run_with(cache, plan.method, scene, &plan.options);
-        settled = emit::settle(scene, &mut layout, max_error_ratio);
+        let refuse = if rounds < MOST_ROUNDS { Refuse::Instances } else { Refuse::Groups };
+        settled = emit::settle(scene, &mut layout, max_error_ratio, refuse);
     }
     if held_back > 0 {
         layout.notes.push(format!(
             "{} as before: written out, their vertices would move farther than {max_error_ratio:e} of the scene's \
-             diagonal",
+             diagonal, or a ten-thousandth of their own",
             match held_back {
                 1 => "1 instance stays".to_owned(),
                 n => format!("{} stay", counted(n, "instance")),

@@ -267,7 +267,7 @@ fn reports(candidates: &[Candidate], held_back: &[HeldBack], verify: &VerifyOpti
             &format!("{} stay", counted(held.instances, "instance"))
         };
         let outcome = format!(
-            "comes to `{}`: {stay}, as written out vertices would move farther than {:e} of the diagonal",
+            "comes to `{}`: {stay}, as written out vertices would move farther than {:e} of the diagonal, or a ten-thousandth of their own",
             same.name, verify.max_position_error_ratio
         );
         report::Candidate { name: held.name.clone(), outcome, seconds: held.seconds, ..same.clone() }

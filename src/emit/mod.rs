@@ -26,7 +26,7 @@ mod tests;
 mod tests_of_copies;
 
 pub use instancing::{Copied, Instancing};
-pub use precision::{Settled, settle};
+pub use precision::{Refuse, Settled, settle};
 
 use raykiln_formats::Document;
 use rayon::prelude::*;

@@ -17,6 +17,15 @@ pub struct Settled {
     pub refused: Vec<InstanceId>,
 }
 
+/// What must stay as it is where rounding moves a corner too far.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refuse {
+    /// The instance of that corner.
+    Instances,
+    /// All instances of its group.
+    Groups,
+}
+
 /// Rounding must not move a corner farther than this share of the diagonal of its own instance: in a wide scene the limit
 /// for the scene is larger than small objects are.
 const OF_OWN_SIZE: f64 = 1e-4;
@@ -25,7 +34,7 @@ const OF_OWN_SIZE: f64 = 1e-4;
 /// vertex farther than `max_error_ratio` of the scene's diagonal, or of the group's own, or than a ten-thousandth of its
 /// instance's own: a small object far from the origin keeps its shape. Names the instances, also those opened into pieces
 /// that are stored in frames, that would still exceed the ratio of the scene's diagonal, or a ten-thousandth of their own.
-pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settled {
+pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: Refuse) -> Settled {
     let limit = max_error_ratio * scene.bounds().diagonal();
     let limits: Vec<f64> = scene.instance_boxes().iter().map(|own| limit.min(own_limit(own))).collect();
     let mut settled = Settled::default();
@@ -42,7 +51,13 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64) -> Settl
             rounded = self::rounded(scene, geometries, *frame, &limits);
         }
         settled.error = settled.error.max(rounded.error);
-        settled.refused.extend(rounded.refused);
+        match refuse {
+            Refuse::Groups if !rounded.refused.is_empty() => {
+                let triangles = geometries.iter().flat_map(|g| &g.triangles);
+                settled.refused.extend(triangles.map(|t| InstanceId(t.instance)));
+            }
+            _ => settled.refused.extend(rounded.refused),
+        }
     }
     let errors = piece_errors(scene, layout);
     for placement in &layout.placements {

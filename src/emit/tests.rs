@@ -369,7 +369,7 @@ fn far_groups_are_stored_around_their_centre() {
     let scene = load(&doc);
     let mut layout = baked(&scene);
     let limit = 1e-6 * scene.bounds().diagonal();
-    let settled = settle(&scene, &mut layout, 1e-6);
+    let settled = settle(&scene, &mut layout, 1e-6, Refuse::Instances);
     assert_eq!((settled.centred, settled.refused.len()), (1, 0));
     let emitted = emit(&doc, &scene, &layout, &Options::default());
     assert!(emitted.position_error <= limit, "{}", emitted.position_error);
@@ -388,11 +388,11 @@ fn a_small_object_in_a_large_scene_keeps_its_shape() {
     );
     let scene = load(&doc);
     let mut layout = baked(&scene);
-    let settled = settle(&scene, &mut layout, 1e-6);
+    let settled = settle(&scene, &mut layout, 1e-6, Refuse::Instances);
     assert_eq!((settled.centred, settled.refused.len()), (0, 0));
     let Content::Baked { geometries, .. } = &mut layout.groups[0].content else { unreachable!() };
     geometries[0].triangles.retain(|t| t.instance == 1);
-    let settled = settle(&scene, &mut layout, 1e-6);
+    let settled = settle(&scene, &mut layout, 1e-6, Refuse::Instances);
     assert_eq!((settled.centred, settled.refused.len()), (1, 0));
 }
 
@@ -407,18 +407,19 @@ fn an_object_too_small_for_a_group_over_a_wide_scene_is_refused() {
     );
     let scene = load(&doc);
     let mut layout = baked(&scene);
-    let settled = settle(&scene, &mut layout, 1e-6);
+    let settled = settle(&scene, &mut layout, 1e-6, Refuse::Instances);
     assert_eq!(settled.refused, [InstanceId(1)]);
+    assert_eq!(settle(&scene, &mut layout, 1e-6, Refuse::Groups).refused, [0, 1].map(InstanceId));
     assert!(settled.error < 1e-6 * scene.bounds().diagonal());
     let Content::Baked { geometries, .. } = &mut layout.groups[0].content else { unreachable!() };
     geometries[0].triangles.retain(|t| t.instance == 1);
-    assert_eq!(settle(&scene, &mut layout, 1e-6).refused, []);
+    assert_eq!(settle(&scene, &mut layout, 1e-6, Refuse::Instances).refused, []);
 }
 
 #[test]
 fn what_cannot_be_written_out_exactly_is_refused_under_a_limit_of_zero() {
     let doc = document(json!([{"mesh": 0, "rotation": [0.1, 0.2, 0.3, 0.9]}]), json!({"primitives": [surface(0)]}));
     let scene = load(&doc);
-    let settled = settle(&scene, &mut baked(&scene), 0.0);
+    let settled = settle(&scene, &mut baked(&scene), 0.0, Refuse::Instances);
     assert_eq!(settled.refused, [InstanceId(0)]);
 }

@@ -166,7 +166,7 @@ fn turned_copies_with_looser_boxes_do_not_keep_equal_meshes_from_being_shared() 
     assert_eq!((&rigid["after"]["mesh_groups"], &rigid["verify"]["mismatches"]), (&json!(9), &json!(0)));
     let reason = pass(&rigid)["reason"].as_str().expect("a reason");
     for words in
-        ["15 meshes are copies of 9; ", " saved; 7 meshes are copies of 1, left out: with them turned boxes are"]
+        ["15 meshes are copies of 9; ", " structures; 7 meshes are copies of 1, left out: with them turned boxes are"]
     {
         assert!(reason.contains(words), "{words}: {reason}");
     }

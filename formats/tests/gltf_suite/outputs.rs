@@ -172,7 +172,7 @@ fn other_extensions_and_unwritable_places_are_refused_by_name() {
     let refused = |name: &str| triangle().stage(&folder.path().join(name)).unwrap_err().to_string();
     assert!(refused("a.obj").contains("must end in .glb or .gltf"));
     assert!(refused("glb").contains("must end in .glb or .gltf"));
-    assert!(refused("none/a.glb").contains("none: the folder cannot be written to"));
+    assert!(refused("none/a.glb").contains("none: the folder does not exist"));
     assert!(refused("file/a.glb").contains("file: the folder cannot be written to"));
     fs::create_dir(folder.path().join("dir.glb")).unwrap();
     assert!(refused("dir.glb").contains("is a folder"));

@@ -235,9 +235,9 @@ fn pieces_are_stored_in_frames_that_their_instances_undo() {
     let layout = chosen(&scene, Some(15.0));
     let turned = layout.groups.iter().filter(|g| g.content.piece_frame() != DAffine3::IDENTITY).count();
     assert!(turned > layout.groups.len() / 2, "{turned} of {} are turned", layout.groups.len());
-    let error = crate::emit::settle(&scene, &mut layout.clone(), 1e-6);
+    let error = crate::emit::settle(&scene, &mut layout.clone(), 1e-6, crate::emit::Refuse::Instances);
     assert!(error.refused.is_empty() && error.error > 0.0 && error.error < 1e-6 * scene.bounds().diagonal());
-    let refused = crate::emit::settle(&scene, &mut layout.clone(), 0.0).refused;
+    let refused = crate::emit::settle(&scene, &mut layout.clone(), 0.0, crate::emit::Refuse::Instances).refused;
     assert_eq!(refused.len(), 201, "without any error allowed no instance may be stored in frames");
     let unturned = single(&scene, &Options { frames: false, ..choose(Some(15.0)) });
     assert!(unturned.groups.iter().all(|g| g.content.piece_frame() == DAffine3::IDENTITY));
