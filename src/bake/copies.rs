@@ -12,8 +12,9 @@ use crate::choose::Choice;
 use crate::copies::{self, CopiedMesh, Copies, Likeness};
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
+use crate::layout::Layout;
 use crate::report::Pass;
-use crate::scene::Scene;
+use crate::scene::{InstanceId, Scene};
 use crate::words::{bytes, counted};
 
 /// Whether copies are looked for.
@@ -77,12 +78,21 @@ pub(super) fn share(
     (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
 }
 
-/// The pass as it came out: where the input is left alone after all, it stays without.
-pub(super) fn as_written(pass: Pass, unchanged: bool) -> Pass {
-    match pass.applied && unchanged {
-        true => Pass { applied: false, reason: format!("{}; but the input is left alone", pass.reason), ..pass },
-        false => pass,
-    }
+/// Whether a layout places a mesh that stands in for a copy, or pieces of one, rather than write it out.
+pub(super) fn are_placed(scene: &Scene, layout: &Layout) -> bool {
+    let is_copy = |i: InstanceId| scene.instances[i.0 as usize].stand_in.is_some();
+    layout.placements.iter().filter_map(|placement| placement.instance).any(is_copy)
+}
+
+/// The pass as it came out: where the input is left alone after all, or all copies are written out, it stays without.
+pub(super) fn as_written(pass: Pass, unchanged: bool, placed: bool) -> Pass {
+    let but = match (unchanged, placed) {
+        _ if !pass.applied => return pass,
+        (true, _) => "the input is left alone",
+        (false, false) => "what was chosen writes all of them out",
+        (false, true) => return pass,
+    };
+    Pass { applied: false, reason: format!("{}; but {but}", pass.reason), ..pass }
 }
 
 /// Predicted bytes of acceleration structures that `auto` must save to share at all.
@@ -213,4 +223,34 @@ fn accessor_bytes(accessor: &Value) -> u64 {
         _ => 4,
     };
     accessor["count"].as_u64().unwrap_or(0).saturating_mul(components * size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::{self, Method};
+    use crate::scene::MeshId;
+    use crate::verify::test_scenes::{cube, scene};
+    use glam::DAffine3;
+
+    #[test]
+    fn sharing_that_is_written_out_again_is_not_applied() {
+        let pass = |applied| Pass { name: "find copies", applied, reason: "found".to_owned(), seconds: 0.0 };
+        let written = |applied, unchanged, placed| as_written(pass(applied), unchanged, placed).applied;
+        assert_eq!([written(true, false, true), written(true, false, false)], [true, false]);
+        assert_eq!([written(true, true, true), written(false, false, true)], [false, false]);
+        assert_eq!(as_written(pass(true), false, false).reason, "found; but what was chosen writes all of them out");
+        assert_eq!(as_written(pass(false), true, false).reason, "found");
+    }
+
+    #[test]
+    fn copies_are_placed_where_their_model_is() {
+        let mut scene = scene(vec![cube(0, None), cube(1, None)], &[0, 1].map(|mesh| (mesh, DAffine3::IDENTITY)));
+        let copy = CopiedMesh { mesh: MeshId(1), model: MeshId(0), motion: DAffine3::IDENTITY, order: None };
+        let placed =
+            |scene: &Scene, method| are_placed(scene, &layout::run(method, scene, &layout::Options::default()));
+        assert!(!placed(&scene, Method::Keep));
+        copies::apply(&mut scene, &Copies { list: vec![copy], most_saved_bytes: None });
+        assert!(placed(&scene, Method::Keep) && !placed(&scene, Method::Single));
+    }
 }

@@ -132,12 +132,13 @@ pub fn bake(
     let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
     let chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
+    let copies_are_placed = copies::are_placed(&scene, &chosen.layout);
     let given = Given { doc: &mut doc, scene: &mut scene, trees: &trees };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
     let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
-    let copies = copies.map(|pass| copies::as_written(pass, written.unchanged));
+    let copies = copies.map(|pass| copies::as_written(pass, written.unchanged, copies_are_placed));
     let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
     let method = chosen.report.with_written(&after, verification.position_error_ratio, seconds);
     let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);

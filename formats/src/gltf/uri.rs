@@ -46,9 +46,11 @@ fn data(rest: &str) -> Uri<'_> {
     let Some((head, payload)) = rest.split_once(',') else {
         return Uri::Malformed("the data URI has no comma");
     };
-    let (head, base64) = match head.strip_suffix(";base64") {
-        Some(head) => (head, true),
-        None => (head, false),
+    // Whether letters are capital means nothing here (L. Masinter, "The data URL scheme", RFC 2397, 1998).
+    let end = head.len().saturating_sub(";base64".len());
+    let (head, base64) = match head.get(end..) {
+        Some(last) if last.eq_ignore_ascii_case(";base64") => (&head[..end], true),
+        _ => (head, false),
     };
     Uri::Data { media: head.split(';').next().unwrap_or_default(), base64, payload }
 }

@@ -147,7 +147,7 @@ fn data_uris_are_read_in_base64_and_percent_encoding() {
     let base64 = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
     for uri in [
         format!("data:application/octet-stream;base64,{base64}"),
-        format!("DATA:;base64,{base64}"),
+        format!("DATA:;BASE64,{base64}"),
         format!("data:,{percent}"),
     ] {
         let doc = read_bytes("a.gltf", &text(&with_buffer_uri(&uri))).unwrap();
