@@ -1,8 +1,10 @@
 //! What the kinds of rays count for.
 
+use std::ops::RangeInclusive;
+
 use super::speed::{KindSpeed, Kinds};
 
-/// How many rays of each kind a picture takes, in relation to each other; each at least 0.
+/// How many rays of each kind a picture takes, in relation to each other; each at least 0 and finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights(pub [f64; 4]);
 
@@ -33,12 +35,15 @@ impl Overall {
     }
 }
 
+/// Weights of which the largest is in this range are taken as they are: sums and products of others overflow or vanish.
+const ORDINARY: RangeInclusive<f64> = 1e-100..=1e100;
+
 impl Weights {
     /// The weighted sum of something that every kind has, in the order of [`super::rays::RayKind::ALL`], over the sum
     /// of the weights; 0 where that is 0.
     pub fn mean(&self, of: [f64; 4]) -> f64 {
         let sum: f64 = self.counted().map(|(i, weight)| weight * of[i]).sum();
-        let total: f64 = self.0.iter().sum();
+        let total = self.total();
         if total > 0.0 { sum / total } else { 0.0 }
     }
 
@@ -52,7 +57,7 @@ impl Weights {
         if !(before > 0.0 && before.is_finite() && after > 0.0 && after.is_finite()) {
             return Overall { before_mrays_per_s: 0.0, after_mrays_per_s: 0.0, speedup_ratio: 1.0, spread_ratio: 0.0 };
         }
-        let total: f64 = self.0.iter().sum();
+        let total = self.total();
         let share = |i: usize, weight: f64| weight / total * time(kinds[i]) / after;
         let off = |(i, weight)| (share(i, weight) * kinds[i].spread_ratio / kinds[i].speedup_ratio).powi(2);
         let speedup_ratio = before / after;
@@ -66,7 +71,17 @@ impl Weights {
 
     /// The kinds that count, with their weights.
     fn counted(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.0.into_iter().enumerate().filter(|(_, weight)| *weight > 0.0)
+        self.scaled().into_iter().enumerate().filter(|(_, weight)| *weight > 0.0)
+    }
+
+    fn total(&self) -> f64 {
+        self.scaled().iter().sum()
+    }
+
+    /// The weights over the largest where that is far from 1, else bit for bit as they are.
+    fn scaled(&self) -> [f64; 4] {
+        let most = self.0.into_iter().fold(0.0, f64::max);
+        if most == 0.0 || ORDINARY.contains(&most) { self.0 } else { self.0.map(|weight| weight / most) }
     }
 }
 
@@ -90,7 +105,7 @@ impl std::str::FromStr for Weights {
                 _ => return Err(format!("`{value}` is not a weight: a number of at least 0")),
             };
         }
-        if weights.0.iter().sum::<f64>() > 0.0 { Ok(weights) } else { Err("no kind counts anything".into()) }
+        if weights.0.iter().any(|weight| *weight > 0.0) { Ok(weights) } else { Err("no kind counts anything".into()) }
     }
 }
 
@@ -121,6 +136,29 @@ mod tests {
     fn without_rays_nothing_is_faster() {
         let none = Weights::default().overall(&Kinds::default());
         assert_eq!((none.speedup_ratio, none.is_faster()), (1.0, false));
+    }
+
+    #[test]
+    fn only_the_relation_of_weights_counts() {
+        let kinds = kinds([kind(1.0, 2.0, 0.2), kind(3.0, 1.1, 0.1), kind(7.0, 0.9, 0.3), kind(1.0, 1.0, 0.0)]);
+        let of = |scale: f64| Weights([scale, scale, scale / 2.0, 0.0]).overall(&kinds);
+        let one = of(1.0);
+        assert!(one.is_faster(), "{one:?}");
+        for scale in [f64::MAX, 1e308, 1e101, 3e-101, 1e-300, 1e-310] {
+            let [a, b] =
+                [one, of(scale)].map(|o| [o.before_mrays_per_s, o.after_mrays_per_s, o.speedup_ratio, o.spread_ratio]);
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-12 * a), "{scale}: {b:?} for {a:?}");
+        }
+        let denormal = Weights([1e-320, 1e-320, 0.0, 0.0]);
+        assert_eq!(denormal.mean([1.0, 3.0, 5.0, 7.0]), 2.0);
+        assert_eq!(Weights([1e308, 0.0, 1e-308, 0.0]).mean([1.0, 3.0, f64::MAX, 7.0]), 1.0);
+    }
+
+    #[test]
+    fn ordinary_weights_stay_bit_for_bit() {
+        for weights in [[0.1, 0.3, 0.0, 0.7], [1e100, 1e-300, 0.0, 3.0], [1e-100, 1e-101, 0.0, 0.0], [0.0; 4]] {
+            assert_eq!(Weights(weights).scaled().map(f64::to_bits), weights.map(f64::to_bits));
+        }
     }
 
     #[test]
