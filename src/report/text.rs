@@ -1,6 +1,7 @@
 //! Reports as text for people.
 
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
 
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
 use super::{Severity, Speed, Verdict, VerifyReport, candidates, verdict};
@@ -15,17 +16,22 @@ const FEW: usize = 3;
 
 /// Prints an error on standard error.
 pub fn error(message: &str) {
-    eprintln!("error: {message}");
+    print(&format!("error: {message}\n"));
 }
 
 /// Prints a note on standard error.
 pub fn note(message: &str) {
-    eprintln!("note: {message}");
+    print(&format!("note: {message}\n"));
 }
 
 /// Prints a bake's report on standard error.
 pub fn bake(report: &BakeReport, verbose: bool) {
-    eprint!("{}", bake_text(report, verbose));
+    print(&bake_text(report, verbose));
+}
+
+/// Prints on standard error. That it cannot be written to changes nothing of what is done.
+fn print(text: &str) {
+    let _ = io::stderr().lock().write_all(text.as_bytes());
 }
 
 /// A bake's report as text.
