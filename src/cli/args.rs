@@ -1,6 +1,5 @@
 //! The arguments, as clap reads them; they become options of the library and stop here.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -15,8 +14,13 @@ use crate::copies::Likeness;
 use crate::layout::{self, Instances, Method};
 use crate::scene::LoadOptions;
 use crate::verify::build::{BlasPer, BuildOptions, Prefer};
+use crate::verify::rays::MOST_RAYS;
+use crate::verify::speed::MOST_REPEATS;
 use crate::verify::weights::Weights;
 use crate::verify::{DeviceChoice, Matching, VerifyOptions};
+
+/// Threads at most: those that have nothing to do look for work and hold up the others, the longer the more they are.
+const MOST_THREADS: i64 = 512;
 
 /// Bakes scenes for hardware ray tracing: decides which triangles share a bottom-level acceleration structure
 /// (BLAS), writes glTF whose meshes, primitives and nodes say so, and proves that the result shows the same surfaces.
@@ -31,9 +35,9 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Args)]
 pub(super) struct Output {
-    /// Threads to use [default: one for each core]
-    #[arg(long, global = true, value_name = "N", value_parser = at_least_one)]
-    pub(super) threads: Option<NonZeroUsize>,
+    /// Threads to use, from 1 to 512 [default: one for each core]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    pub(super) threads: Option<u16>,
     /// Print nothing but errors and what was asked for
     #[arg(long, short, global = true)]
     pub(super) quiet: bool,
@@ -221,15 +225,15 @@ pub(super) struct VerifyArguments {
     /// part of its name (see `raykiln devices`)
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     device: String,
-    /// Rays of each kind to trace through both files
+    /// Rays of each kind to trace through both files, at most 16777216
     /// [default: 16384 compared; as many timed, but 3686400 on a GPU]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_RAYS)))]
     rays: Option<u32>,
     /// What each kind of rays counts for where one speed is wanted; kinds left out count nothing
     #[arg(long, value_name = "KIND=WEIGHT,...", default_value = "primary=1,shadow=1,diffuse=1,random=0")]
     weights: Weights,
-    /// How often to repeat the timing of each kind
-    #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().repeats)]
+    /// How often to repeat the timing of each kind, at most 1000
+    #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().repeats, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_REPEATS)))]
     repeats: u32,
     /// Seed of the rays
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().seed)]
@@ -398,11 +402,6 @@ fn ratio(text: &str) -> Result<f64, String> {
 
 fn positive_ratio(text: &str) -> Result<f64, String> {
     ratio(text).ok().filter(|value| *value > 0.0).ok_or_else(|| "must be a finite number above 0".into())
-}
-
-fn at_least_one(text: &str) -> Result<NonZeroUsize, String> {
-    let number: usize = text.parse().map_err(|e| format!("{e}"))?;
-    NonZeroUsize::new(number).ok_or_else(|| "must be at least 1".into())
 }
 
 impl BakeArguments {

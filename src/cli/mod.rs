@@ -49,7 +49,7 @@ pub fn run() -> ExitCode {
 
 fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(threads) = arguments.output.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global().context("--threads")?;
+        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global().context("--threads")?;
     }
     match &arguments.command {
         Command::Bake(bake) => run_bake(bake, &arguments.output),

@@ -12,12 +12,9 @@ use super::LabError;
 use crate::choose::model::Class;
 use crate::choose::plans::{Effort, Plan, plans};
 use crate::layout::{Method, Options};
+use crate::verify::rays::MOST_RAYS;
+use crate::verify::speed::MOST_REPEATS;
 use crate::verify::{DeviceChoice, VerifyOptions};
-
-/// Rays of a kind at most.
-const MOST_RAYS: u32 = 1 << 26;
-/// Repeats at most.
-const MOST_REPEATS: u32 = 1000;
 
 /// A matrix of scenes and layouts, and what to do with what is measured.
 pub(super) struct Config {
@@ -290,7 +287,9 @@ mod tests {
             ),
             ("effort = 7", "/lab.toml:3: `effort` is 7, not between 0 and 6"),
             ("repeats = 0", "/lab.toml:3: `repeats` is 0"),
-            ("rays = 4294967295", "/lab.toml:3: `rays` is"),
+            ("rays = 4294967295", "/lab.toml:3: `rays` is 4294967295, not between 1 and 16777216"),
+            ("counted_rays = 16777217", "/lab.toml:3: `counted_rays` is 16777217, not between 1 and 16777216"),
+            ("repeats = 1001", "/lab.toml:3: `repeats` is 1001, not between 1 and 1000"),
             ("max_position_error_ratio = nan", "/lab.toml:3: `max_position_error_ratio` is a number"),
             ("methods = ['magic']", "/lab.toml:3: `methods`: there is no `magic`; there are `bvh`"),
             ("methods = []", "/lab.toml:3: `methods` lists none"),

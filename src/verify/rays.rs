@@ -54,6 +54,8 @@ pub struct Rays {
     pub radius: f64,
 }
 
+/// Rays of a kind that a verification may be asked for at most: they are held in memory, 32 bytes each, and what they hit.
+pub const MOST_RAYS: u32 = 1 << 24;
 /// Directions tried to find out whether a scene surrounds its middle.
 const PROBES: usize = 256;
 /// A view serves if at least one primary ray in this many hits something.

@@ -12,6 +12,9 @@ use serde::Serialize;
 use super::Tracer;
 use super::rays::RayKind;
 
+/// Repeats that a timing may be asked for at most; more tell nothing new.
+pub const MOST_REPEATS: u32 = 1000;
+
 /// Speed of one kind of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct KindSpeed {

@@ -258,8 +258,13 @@ fn an_output_that_cannot_be_written_is_refused_in_plain_words() {
 #[test]
 fn numbers_that_mean_nothing_are_refused_in_plain_words() {
     for (option, value, words) in [
-        ("--threads", "0", "must be at least 1"),
-        ("--threads", "-1", "invalid"),
+        ("--threads", "0", "0 is not in 1..=512"),
+        ("--threads", "-1", "-1 is not in 1..=512"),
+        ("--threads", "513", "513 is not in 1..=512"),
+        ("--threads", "99999999999999999999", "invalid"),
+        ("--rays", "16777217", "16777217 is not in 0..=16777216"),
+        ("--rays", "4294967295", "4294967295 is not in 0..=16777216"),
+        ("--repeats", "1001", "1001 is not in 0..=1000"),
         ("--weights", "diffuse=1,diffuse=3", "`diffuse` is given twice"),
         ("--max-group-extent-ratio", "0", "must be a finite number above 0"),
         ("--max-group-extent-ratio", "NaN", "must be a finite number above 0"),
