@@ -183,6 +183,43 @@ fn an_existing_output_is_replaced_whole() {
 }
 
 #[test]
+fn a_buffer_file_of_something_else_is_not_replaced() {
+    let folder = TempDir::new().unwrap();
+    let [input, output] = [sample("overlapping"), folder.path().join("out.gltf")];
+    let bake = |method| crate::common::bake(&input, &output, &["--method", method]);
+    let uri = || crate::common::json_of(&output)["buffers"][0]["uri"].clone();
+    let foreign = write(folder.path(), "out.bin", "of something else");
+
+    // A scene file that is replaced, but does not refer to the file, makes no difference.
+    for (there, method) in [(None, "single"), (None, "per-object"), (Some("no JSON"), "single"), (Some("{}"), "single")]
+    {
+        if let Some(text) = there {
+            write(folder.path(), "out.gltf", text);
+            fs::remove_file(folder.path().join("out_1.bin")).unwrap();
+        }
+        let warnings = bake(method)["warnings"].to_string();
+        assert!(
+            warnings.contains("out.bin is a file of something else; the buffer is written as out_1.bin"),
+            "{warnings}"
+        );
+        assert_eq!(uri(), "out_1.bin");
+        assert_eq!(fs::read_to_string(&foreign).unwrap(), "of something else");
+        assert_eq!(folder_names(folder.path()), ["out.bin", "out.gltf", "out_1.bin"]);
+    }
+}
+
+#[test]
+fn the_buffer_file_of_the_scene_file_replaced_is_replaced() {
+    let folder = TempDir::new().unwrap();
+    let [input, output] = [sample("overlapping"), folder.path().join("out.gltf")];
+    for method in ["single", "per-object"] {
+        let report = crate::common::bake(&input, &output, &["--method", method]);
+        assert_eq!(report["warnings"].as_array().map(Vec::len), Some(0), "{}", report["warnings"]);
+        assert_eq!(folder_names(folder.path()), ["out.bin", "out.gltf"]);
+    }
+}
+
+#[test]
 fn completions_and_the_manual_page_are_printed() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let ran = raykiln(["completions", shell]);

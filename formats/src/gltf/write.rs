@@ -11,6 +11,7 @@ use super::binary::{BIN, CHUNK_HEADER, HEADER, JSON, MAGIC};
 use super::images::Images;
 use super::json::At;
 use super::pack::Packed;
+use super::read::read_regular;
 use super::staged;
 use super::uri::{self, Uri};
 use crate::document::{Document, Kind, Staged};
@@ -27,7 +28,7 @@ pub(crate) fn stage(doc: &Document, out: &Path) -> Result<Staged, Error> {
     let name = file_name(out)?;
     let references = References::of(doc)?;
     check_references_survive(&references, doc, out, same_folder)?;
-    let bin = bin_name(&name, &references, same_folder && !is_same_file(&doc.path, out));
+    let bin = bin_name(out, &references, same_folder && !is_same_file(&doc.path, out));
     let mut staged = Staged::new(out)?;
     let mut packed = Packed::new(doc)?;
     let mut images = Images::new(doc, kind, same_folder, &[&name, &bin]);
@@ -41,6 +42,7 @@ pub(crate) fn stage(doc: &Document, out: &Path) -> Result<Staged, Error> {
         Kind::Glb => write_glb(&mut staged, &name, &json, &packed, out)?,
         Kind::Gltf | Kind::Obj => {
             if packed.length > 0 {
+                staged.warnings.extend(other_name_warning(out, &bin));
                 staged.write(Path::new(&bin), |file| packed.write(file))?;
             }
             staged.write(Path::new(&name), |file| file.write_all(&json))?;
@@ -159,15 +161,43 @@ fn check_references_survive(
     }
 }
 
-/// The name of the buffer file: that of the scene file with `.bin`, unless the input, still in use, has such a file.
-fn bin_name(scene: &str, references: &References, spare_input: bool) -> String {
-    let stem = Path::new(scene).file_stem().unwrap_or_default().to_string_lossy();
+/// The name of the buffer file: that of the scene file with `.bin`, or with a number, so that it replaces neither a file of
+/// the input, still in use, nor one that is no buffer of the scene file replaced.
+fn bin_name(out: &Path, references: &References, spare_input: bool) -> String {
     let used = |name: &str| {
         let mut all = references.buffers.iter().chain(&references.images);
         all.any(|r| r.name.to_string_lossy().to_lowercase() == name.to_lowercase())
     };
-    let names = (0..).map(|i| if i == 0 { format!("{stem}.bin") } else { format!("{stem}_{i}.bin") });
-    names.into_iter().find(|name| !spare_input || !used(name)).unwrap_or_default()
+    let replaced = buffer_files(out);
+    let foreign = |name: &str| {
+        let file = uri::folder_of(out).join(name);
+        file.symlink_metadata().is_ok() && !replaced.contains(&file)
+    };
+    let mut names = (0..).map(|number| numbered_bin(out, number));
+    names.find(|name| !(spare_input && used(name) || foreign(name))).unwrap_or_default()
+}
+
+fn numbered_bin(scene: &Path, number: u32) -> String {
+    let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
+    if number == 0 { format!("{stem}.bin") } else { format!("{stem}_{number}.bin") }
+}
+
+/// The buffer files of a `.gltf` file; none if it cannot be read.
+fn buffer_files(scene: &Path) -> Vec<PathBuf> {
+    let json = read_regular(scene).ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
+    let buffers = json.as_ref().and_then(|json| json.get("buffers")?.as_array()).into_iter().flatten();
+    let file = |buffer: &Value| {
+        let text = buffer.get("uri")?.as_str()?;
+        let Uri::File(name) = uri::parse(text) else { return None };
+        Some(uri::locate(uri::folder_of(scene), text, &name))
+    };
+    buffers.filter_map(file).collect()
+}
+
+fn other_name_warning(out: &Path, bin: &str) -> Option<Warning> {
+    let usual = numbered_bin(out, 0);
+    let message = format!("{usual} is a file of something else; the buffer is written as {bin}");
+    (bin != usual).then(|| Warning { place: "buffers".into(), message })
 }
 
 /// The `buffers` list of the output: the first buffer's properties, with another length and name.
