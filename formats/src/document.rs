@@ -7,6 +7,7 @@ use bytes::Bytes;
 use serde_json::Value;
 
 use crate::alpha::{AlphaTest, Image};
+use crate::staging::Folder;
 use crate::{Contents, Error, ReadOptions, Warning};
 
 /// The kind of file a document was read from, or is written as.
@@ -258,7 +259,7 @@ pub fn check_output(out: &Path) -> Result<(), Error> {
 /// Files written but not yet in place. Dropped without [`Staged::commit`], they vanish.
 #[derive(Debug)]
 pub struct Staged {
-    pub(crate) folder: tempfile::TempDir,
+    pub(crate) folder: Folder,
     /// The folder of the final names.
     pub(crate) target: PathBuf,
     /// Files in `folder`, each with its final path; the scene file itself comes last.

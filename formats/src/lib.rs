@@ -11,6 +11,7 @@ pub mod document;
 pub mod error;
 mod gltf;
 mod obj;
+pub mod staging;
 
 pub use contents::Contents;
 pub use document::Document;

@@ -2,6 +2,7 @@
 
 mod args;
 mod heap;
+mod interrupt;
 mod progress;
 mod reports;
 
@@ -12,6 +13,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use clap::{CommandFactory, Parser};
 use raykiln_formats::document::{Placed, Staged};
+use raykiln_formats::staging::Hold;
 
 use crate::bake::{self, BakeOptions, Baked};
 use crate::compare;
@@ -21,7 +23,7 @@ use crate::report::{self, Verdict};
 use crate::scene::LoadOptions;
 use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
-use reports::Reports;
+use reports::{Reports, StagedReports};
 
 /// Exit status of a failed verification or fit.
 const FAILED: u8 = 1;
@@ -33,13 +35,13 @@ pub fn run() -> ExitCode {
     let arguments = Arguments::parse();
     if arguments.command.reads_scenes() {
         heap::limit();
+        interrupt::heed();
     }
-    match dispatch(&arguments) {
+    let done = dispatch(&arguments);
+    // Where a signal took the staged files away, it ends the program, not an error that comes of that.
+    drop(Hold::new());
+    match done {
         Ok(status) => status,
-        // A reader that has seen enough, such as `head`, is no error.
-        Err(e) if e.downcast_ref::<io::Error>().is_some_and(|e| e.kind() == io::ErrorKind::BrokenPipe) => {
-            ExitCode::SUCCESS
-        }
         Err(e) => {
             report::text::error(&format!("{e:#}"));
             ExitCode::from(BAD)
@@ -79,16 +81,13 @@ fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
     let Baked { report, output: scene } = baked?;
     let json = report::json::to_json(&report);
     let reports = reports.stage(&json)?;
-    let placed = scene.map(Staged::put_in_place).transpose()?;
-    if let Err(e) = reports.commit() {
-        placed.into_iter().for_each(Placed::take_back);
-        return Err(e);
-    }
-    if !output.quiet {
-        report::text::bake(&report, output.verbose > 0);
-    }
+    // While nothing is in place: where this fails there must be no output.
     if arguments.json {
         print(json.as_bytes())?;
+    }
+    put_in_place(scene, reports)?;
+    if !output.quiet {
+        report::text::bake(&report, output.verbose > 0);
     }
     Ok(match report.verdict {
         Verdict::Failed => {
@@ -97,6 +96,13 @@ fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
         }
         _ => ExitCode::SUCCESS,
     })
+}
+
+/// All files or none, signals or not.
+fn put_in_place(scene: Option<Staged>, reports: StagedReports) -> Result<()> {
+    let _hold = Hold::new();
+    let placed = scene.map(Staged::put_in_place).transpose()?;
+    reports.commit().inspect_err(|_| placed.into_iter().for_each(Placed::take_back))
 }
 
 fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode> {
@@ -108,12 +114,13 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     progress.finish();
     let report = report?;
     let json = report::json::to_json(&report);
-    reports.stage(&json)?.commit()?;
+    let reports = reports.stage(&json)?;
     if arguments.json {
         print(json.as_bytes())?;
     } else if !output.quiet {
         print(report::text::verify(&report, output.verbose > 0).as_bytes())?;
     }
+    reports.commit()?;
     if report.verdict == Verdict::Failed {
         report::text::error(&format!("{}: verification failed: {}", report.output.display(), report.verify));
         return Ok(ExitCode::from(FAILED));
@@ -130,8 +137,14 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     progress.finish();
     let report = report?;
     let json = report::json::to_json(&report);
-    reports.stage(&json)?.commit()?;
-    if arguments.json { print(json.as_bytes()) } else { print(report::text::inspect(&report).as_bytes()) }
+    let reports = reports.stage(&json)?;
+    if arguments.json {
+        print(json.as_bytes())?
+    } else {
+        print(report::text::inspect(&report).as_bytes())?
+    };
+    reports.commit()?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn run_lab(config: &Path, output: &Output) -> Result<ExitCode> {
@@ -168,9 +181,11 @@ fn manual() -> Result<Vec<u8>> {
     Ok(pages)
 }
 
+/// Prints on standard output. A reader that has seen enough, such as `head`, is no error.
 fn print(bytes: &[u8]) -> Result<ExitCode> {
     let mut out = io::stdout().lock();
-    out.write_all(bytes)?;
-    out.flush()?;
-    Ok(ExitCode::SUCCESS)
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(e).context("standard output cannot be written to"),
+        _ => Ok(ExitCode::SUCCESS),
+    }
 }

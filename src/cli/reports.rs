@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use tempfile::TempDir;
+use raykiln_formats::staging::{Folder, Hold};
 
 /// Files that a report can be written to.
 pub(super) struct Reports<'a>(&'a [PathBuf]);
@@ -35,6 +35,7 @@ pub(super) struct StagedReports(Vec<Staged>);
 impl StagedReports {
     /// Renames the files to their final names.
     pub(super) fn commit(self) -> Result<()> {
+        let _hold = Hold::new();
         for Staged { from, to, .. } in &self.0 {
             fs::rename(from, to).with_context(|| format!("--report {}: cannot be put in place", to.display()))?;
         }
@@ -46,14 +47,14 @@ struct Staged {
     from: PathBuf,
     to: PathBuf,
     /// The hidden folder that holds `from`.
-    _folder: TempDir,
+    _folder: Folder,
 }
 
 impl Staged {
     fn new(file: &Path) -> io::Result<Staged> {
         // A link stays one: what it leads to is replaced.
         let to = fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
-        let folder = tempfile::Builder::new().prefix(".raykiln-").tempdir_in(folder_of(&to))?;
+        let folder = Folder::new_in(folder_of(&to))?;
         Ok(Staged { from: folder.path().join("report.json"), to, _folder: folder })
     }
 }
@@ -64,6 +65,7 @@ fn check(file: &Path, taken: &[&Path]) -> Result<()> {
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "there is no folder {}", folder.display());
     ensure!(!file.is_dir(), "is a folder");
+    ensure!(file.is_file() || !file.exists(), "is no regular file");
     let place = place(file);
     ensure!(!taken.iter().any(|other| self::place(other) == place), "is the scene itself");
     Staged::new(file).with_context(|| format!("the folder {} cannot be written to", folder.display()))?;

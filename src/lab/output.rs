@@ -4,6 +4,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
+use raykiln_formats::staging::{Folder, Hold};
+
 use super::LabError;
 use super::fit::Fit;
 use super::quality::Quality;
@@ -22,7 +24,7 @@ pub(super) fn check(out: &Path) -> Result<(), LabError> {
         () if out.exists() && !out.is_dir() => bad("is no folder"),
         () if !parent.is_dir() => bad(&format!("there is no folder {}", parent.display())),
         () if NAMES.iter().any(|name| out.join(name).is_dir()) => bad("holds a folder where a table belongs"),
-        () => tempfile::tempdir_in(parent).map(|_| ()).map_err(|e| LabError::file(parent, e)),
+        () => Folder::new_in(parent).map(|_| ()).map_err(|e| LabError::file(parent, e)),
     }
 }
 
@@ -34,13 +36,13 @@ pub(super) fn write(out: &Path, rows: &[Row], fit: Option<(&Fit, Class)>) -> Res
     let tables = [Some(csv), Some(to_json_lines(rows)), json, text];
 
     let parent = parent(out);
-    let folder =
-        tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent).map_err(|e| LabError::file(parent, e))?;
+    let folder = Folder::new_in(parent).map_err(|e| LabError::file(parent, e))?;
     for (name, table) in NAMES.iter().zip(&tables) {
         if let Some(table) = table {
             fs::write(folder.path().join(name), table).map_err(|e| LabError::file(&out.join(name), e))?;
         }
     }
+    let _hold = Hold::new();
     fs::create_dir_all(out).map_err(|e| LabError::file(out, e))?;
     for (name, table) in NAMES.iter().zip(&tables) {
         let place = out.join(name);

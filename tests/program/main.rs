@@ -9,6 +9,8 @@ mod cli;
 mod determinism;
 mod device_hits;
 mod devices;
+#[cfg(target_os = "linux")]
+mod endings;
 mod faults;
 mod instancing;
 mod lab;

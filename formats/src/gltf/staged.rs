@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::uri::folder_of;
 use crate::document::Staged;
+use crate::staging::{Folder, Hold};
 use crate::{Error, Warning};
 
 impl Staged {
@@ -57,6 +58,8 @@ impl Staged {
     /// The path of a name in the staging folder, its folders made.
     fn place(&self, name: &Path) -> Result<PathBuf, Error> {
         let path = self.folder.path().join(name);
+        // A staging folder that was removed at the end of the program must not come back.
+        let _hold = Hold::new();
         fs::create_dir_all(folder_of(&path))
             .map_err(|e| Error::whole(&self.target.join(name), format_args!("cannot be staged: {e}")))?;
         Ok(path)
@@ -86,6 +89,7 @@ impl Staged {
     /// # Errors
     /// As [`Staged::commit`].
     pub fn put_in_place(self) -> Result<Placed, Error> {
+        let _hold = Hold::new();
         let backup = hidden_folder(&self.target)?;
         let mut undo = Vec::new();
         for (i, (from, to)) in self.files.iter().enumerate() {
@@ -103,7 +107,7 @@ impl Staged {
 pub struct Placed {
     undo: Vec<Undo>,
     /// What the files replaced.
-    _backup: tempfile::TempDir,
+    _backup: Folder,
 }
 
 impl Placed {
@@ -161,15 +165,15 @@ pub(super) fn check(out: &Path) -> Result<(), Error> {
     staging_folder(out).map(drop)
 }
 
-fn staging_folder(out: &Path) -> Result<tempfile::TempDir, Error> {
+fn staging_folder(out: &Path) -> Result<Folder, Error> {
     if out.is_dir() {
         return Err(Error::whole(out, "is a folder"));
     }
     hidden_folder(folder_of(out))
 }
 
-fn hidden_folder(parent: &Path) -> Result<tempfile::TempDir, Error> {
-    tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent).map_err(|e| {
+fn hidden_folder(parent: &Path) -> Result<Folder, Error> {
+    Folder::new_in(parent).map_err(|e| {
         let cause = match e.kind() {
             io::ErrorKind::NotFound => "the folder does not exist".to_owned(),
             cause => format!("the folder cannot be written to: {cause}"),

@@ -1,0 +1,122 @@
+//! Hidden folders in which files are made beside their final places.
+//!
+//! They vanish when they are dropped. A program that is told to end by a signal drops nothing: it can call
+//! [`remove_all`] first. This crate heeds no signals itself.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::{fs, io, mem};
+
+struct State {
+    folders: BTreeSet<PathBuf>,
+    holds: usize,
+    ended: bool,
+}
+
+static STATE: Mutex<State> = Mutex::new(State { folders: BTreeSet::new(), holds: 0, ended: false });
+static CHANGED: Condvar = Condvar::new();
+/// How often a folder's removal is tried: somebody may be making a file in it.
+const TRIES: usize = 10;
+
+/// A hidden folder; it and all that is in it are removed when it is dropped.
+#[derive(Debug)]
+pub struct Folder(PathBuf);
+
+impl Folder {
+    /// Makes one within `parent`. Waits for ever after [`remove_all`].
+    ///
+    /// # Errors
+    /// `parent` is no folder, or cannot be written to.
+    pub fn new_in(parent: &Path) -> io::Result<Folder> {
+        let mut state = state_before_end();
+        let path = tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent)?.keep();
+        state.folders.insert(path.clone());
+        Ok(Folder(path))
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        remove(&self.0);
+        state().folders.remove(&self.0);
+    }
+}
+
+/// While there is one, [`remove_all`] waits: for steps that belong together, such as renaming several files.
+#[derive(Debug)]
+pub struct Hold(());
+
+impl Hold {
+    /// A new one. Waits for ever after [`remove_all`].
+    #[expect(clippy::new_without_default, reason = "it may wait")]
+    pub fn new() -> Hold {
+        state_before_end().holds += 1;
+        Hold(())
+    }
+}
+
+impl Drop for Hold {
+    fn drop(&mut self) {
+        state().holds -= 1;
+        CHANGED.notify_all();
+    }
+}
+
+/// Removes the folders of all threads, once no [`Hold`] is left, for a program that ends: whoever makes another folder or
+/// takes hold after that waits for ever.
+pub fn remove_all() {
+    let held = |state: &mut State| state.holds > 0;
+    let mut state = CHANGED.wait_while(state(), held).unwrap_or_else(PoisonError::into_inner);
+    state.ended = true;
+    let folders = mem::take(&mut state.folders);
+    drop(state);
+    folders.iter().for_each(|folder| remove(folder));
+}
+
+fn state() -> MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn state_before_end() -> MutexGuard<'static, State> {
+    CHANGED.wait_while(state(), |state| state.ended).unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes a folder as far as the file system lets it.
+fn remove(folder: &Path) {
+    let gone = |removed: io::Result<()>| removed.is_ok() || !folder.exists();
+    let _ = (0..TRIES).any(|_| gone(fs::remove_dir_all(folder)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_hidden_and_vanishes_with_all_that_is_in_it() {
+        let parent = tempfile::tempdir().expect("a temporary folder");
+        let folder = Folder::new_in(parent.path()).expect("writable");
+        let name = folder.path().file_name().expect("a name").to_string_lossy().into_owned();
+        assert!(name.starts_with(".raykiln-"), "{name}");
+        fs::create_dir(folder.path().join("within")).expect("writable");
+        fs::write(folder.path().join("within/file"), "text").expect("writable");
+        drop(folder);
+        assert_eq!(fs::read_dir(parent.path()).expect("readable").count(), 0);
+        assert_eq!(
+            Folder::new_in(&parent.path().join("absent")).err().map(|e| e.kind()),
+            Some(io::ErrorKind::NotFound)
+        );
+    }
+
+    #[test]
+    fn holds_nest() {
+        let outer = Hold::new();
+        drop(Hold::new());
+        drop(outer);
+    }
+}

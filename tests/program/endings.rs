@@ -1,0 +1,195 @@
+//! How runs end that cannot end well: told to by a signal, or with nowhere to print to. Nothing staged stays behind.
+
+use crate::common::{folder_names, gltf, samples, write};
+use std::fs::{self, File};
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+const SIGNALS: [(&str, i32); 3] = [("HUP", 1), ("INT", 2), ("TERM", 15)];
+
+fn scene() -> String {
+    let sample = samples().into_iter().find(|s| s.name == "overlapping").expect("the sample is there");
+    sample.scene.to_str().expect("UTF-8").to_owned()
+}
+
+/// `raykiln` with its streams closed.
+fn raykiln(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_raykiln"));
+    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+}
+
+/// Arguments of a bake that traces so many rays.
+fn bake<'a>(input: &'a str, output: &'a str, rays: &'a str) -> [&'a str; 11] {
+    ["bake", input, "-o", output, "--method", "single", "--device", "cpu", "--rays", rays, "--json"]
+}
+
+/// More rays than a test waits for.
+const ENDLESS: &str = "4000000";
+
+/// Waits till the program has staged files in a folder.
+fn wait_till_staged(folder: &Path, child: &mut Child) {
+    let start = Instant::now();
+    let is_staged = || {
+        let hidden = folder_names(folder).into_iter().find(|name| name.starts_with(".raykiln-"));
+        hidden.is_some_and(|name| fs::read_dir(folder.join(name)).is_ok_and(|mut files| files.next().is_some()))
+    };
+    while !is_staged() {
+        assert_eq!(child.try_wait().expect("a child"), None, "it ended before it staged anything");
+        assert!(start.elapsed() < Duration::from_secs(60), "nothing is staged");
+        sleep(Duration::from_millis(2));
+    }
+}
+
+/// Sends a signal; does nothing where the program has ended.
+fn send(signal: &str, child: &Child) {
+    let kill = format!("kill -{signal} {} 2>/dev/null", child.id());
+    Command::new("sh").args(["-c", &kill]).status().expect("a shell");
+}
+
+/// Ends a bake by signals, some time after it has staged its output; returns its status.
+fn interrupted(signals: &[&str], folder: &Path, delay: Duration) -> ExitStatus {
+    let output = folder.join("out.gltf");
+    let mut child =
+        raykiln(&bake(&scene(), output.to_str().expect("UTF-8"), ENDLESS)).spawn().expect("the program starts");
+    wait_till_staged(folder, &mut child);
+    sleep(delay);
+    signals.iter().for_each(|signal| send(signal, &child));
+    child.wait().expect("a child")
+}
+
+/// Signals that the tests were started to ignore, as by `nohup`, the program ignores too.
+fn heeded() -> impl Iterator<Item = (&'static str, i32)> {
+    let status = fs::read_to_string("/proc/self/status").expect("Linux has it");
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).expect("Linux has it").trim().to_owned();
+    let ignored = u64::from_str_radix(&ignored, 16).expect("a mask");
+    SIGNALS.into_iter().filter(move |(_, number)| ignored >> (number - 1) & 1 == 0)
+}
+
+#[test]
+fn signals_end_a_bake_and_leave_nothing_behind() {
+    for (name, number) in heeded() {
+        let folder = TempDir::new().unwrap();
+        write(folder.path(), "out.gltf", "of an earlier run");
+        let status = interrupted(&[name], folder.path(), Duration::ZERO);
+        assert_eq!(status.signal(), Some(number), "{name}: {status}");
+        assert_eq!(folder_names(folder.path()), ["out.gltf"], "{name}");
+        assert_eq!(fs::read_to_string(folder.path().join("out.gltf")).unwrap(), "of an earlier run", "{name}");
+    }
+}
+
+#[test]
+fn a_second_signal_leaves_nothing_behind_either() {
+    let folder = TempDir::new().unwrap();
+    let status = interrupted(&["TERM"; 5], folder.path(), Duration::from_millis(50));
+    assert_eq!(status.signal(), Some(15), "{status}");
+    assert!(folder_names(folder.path()).is_empty());
+}
+
+#[test]
+fn a_signal_at_any_time_leaves_all_or_nothing() {
+    let parent = TempDir::new().unwrap();
+    let input = write(parent.path(), "in.glb", gltf([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [0, 1, 2], |_| ()));
+    let mut ended = 0;
+    for step in 0..24 {
+        let folder = TempDir::new_in(parent.path()).unwrap();
+        let [output, report] = ["out.gltf", "report.json"].map(|name| folder.path().join(name));
+        let fixed = bake(input.to_str().unwrap(), output.to_str().unwrap(), "3000");
+        let mut command = raykiln(&fixed);
+        let mut child = command.arg("--prune").arg("--report").arg(&report).spawn().expect("the program starts");
+        sleep(Duration::from_millis(4 * step));
+        send("TERM", &child);
+        let status = child.wait().expect("a child");
+        assert!(status.signal() == Some(15) || status.success(), "{step}: {status}");
+        ended += usize::from(!status.success());
+        let names = folder_names(folder.path());
+        let whole = ["out.bin", "out.gltf", "report.json"];
+        assert!(names == whole || names.is_empty() && !status.success(), "{step}: {status}: {names:?}");
+    }
+    assert!(ended > 0, "the first signals come in time");
+}
+
+#[test]
+fn a_signal_that_is_to_be_ignored_is_ignored() {
+    let folder = TempDir::new().unwrap();
+    let output = folder.path().join("out.glb");
+    let scene = scene();
+    let bake = bake(&scene, output.to_str().unwrap(), "60000");
+    let mut command = Command::new("sh");
+    command.args(["-c", r#"trap "" HUP; exec "$@""#, "sh", env!("CARGO_BIN_EXE_raykiln")]).args(bake);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("a shell");
+    wait_till_staged(folder.path(), &mut child);
+    send("HUP", &child);
+    assert!(child.wait().expect("a child").success());
+    assert_eq!(folder_names(folder.path()), ["out.glb"]);
+}
+
+/// A device that is always full.
+fn full() -> File {
+    File::options().write(true).open("/dev/full").expect("Linux has it")
+}
+
+#[test]
+fn a_full_standard_error_changes_nothing() {
+    let folder = TempDir::new().unwrap();
+    let [output, absent] = ["out.glb", "absent.glb"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+    let scene = scene();
+    for (arguments, expected) in [
+        (&bake(&scene, &output, "200")[..], 0),
+        (&["bake", &scene, "-o", &output, "-v", "--rays", "200"], 0),
+        (&["verify", &scene, &output, "--rays", "200"], 0),
+        (&["bake", &absent, "-o", &output], 2),
+        (&["grill"], 2),
+    ] {
+        let status = raykiln(arguments).stderr(full()).status().expect("the program starts");
+        assert_eq!(status.code(), Some(expected), "{arguments:?}: {status}");
+    }
+    assert_eq!(folder_names(folder.path()), ["out.glb"]);
+}
+
+#[test]
+fn a_full_standard_output_leaves_no_files() {
+    let folder = TempDir::new().unwrap();
+    let [output, report] = ["out.glb", "report.json"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+    let scene = scene();
+    let more = ["--report", report.as_str()];
+    for arguments in [
+        &bake(&scene, &output, "200")[..],
+        &["verify", &scene, &scene, "--rays", "200", "--match", "surface"],
+        &["inspect", &scene],
+    ] {
+        let ran = raykiln(&[arguments, &more].concat()).stdout(full()).stderr(Stdio::piped()).output();
+        let ran = ran.expect("the program starts");
+        let words = String::from_utf8_lossy(&ran.stderr);
+        assert_eq!(ran.status.code(), Some(2), "{arguments:?}: {words}");
+        assert!(words.contains("standard output cannot be written to"), "{arguments:?}: {words}");
+        assert!(folder_names(folder.path()).is_empty(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let folder = TempDir::new().unwrap();
+    let output = folder.path().join("out.glb");
+    let scene = scene();
+    let mut child = raykiln(&bake(&scene, output.to_str().unwrap(), "200")).stdout(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    assert!(child.wait().expect("a child").success());
+    assert_eq!(folder_names(folder.path()), ["out.glb"]);
+}
+
+#[test]
+fn a_report_replaces_no_device() {
+    let folder = TempDir::new().unwrap();
+    let link = folder.path().join("report.json");
+    std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+    let scene = scene();
+    let ran =
+        raykiln(&["inspect", &scene, "--report", link.to_str().unwrap()]).stderr(Stdio::piped()).output().unwrap();
+    let words = String::from_utf8_lossy(&ran.stderr);
+    assert!(ran.status.code() == Some(2) && words.contains("is no regular file"), "{words}");
+}
