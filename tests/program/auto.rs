@@ -298,3 +298,22 @@ fn layouts_rank_far_from_the_origin_as_near_it() {
         assert!((far.1 / near.1 - 1.0).abs() < 0.2 && (far.2 / near.2 - 1.0).abs() < 0.2, "{near:?} {far:?}");
     }
 }
+
+#[test]
+fn only_the_relation_of_weights_counts() {
+    let sampled = |scale: &str| {
+        let folder = TempDir::new().expect("a temporary folder");
+        let weights = format!("primary={scale},shadow={scale},diffuse={scale}");
+        let report = bake(&sample("overlapping"), &folder.path().join("out.glb"), &["--weights", &weights]);
+        let candidates = report["method"]["candidates"].as_array().expect("candidates").clone();
+        let cost = |c: &Value| c["sampled_cost"].as_f64().filter(|cost| *cost > 0.0).expect("a cost");
+        (report["method"]["chosen_candidate"].clone(), candidates.iter().map(cost).collect::<Vec<_>>())
+    };
+    let (chosen, costs) = sampled("1");
+    for scale in ["1e308", "1e-320"] {
+        let (same, close) = sampled(scale);
+        assert_eq!(chosen, same, "{scale}");
+        assert!(costs.len() == close.len(), "{scale}");
+        assert!(costs.iter().zip(&close).all(|(a, b)| (a - b).abs() <= 1e-9 * a), "{scale}: {close:?} for {costs:?}");
+    }
+}
