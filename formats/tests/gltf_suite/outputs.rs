@@ -194,7 +194,7 @@ fn nothing_appears_before_commit_and_nothing_stays_without() {
 
 #[test]
 fn commit_replaces_existing_files() {
-    let folder = folder(&[("a.gltf", b"old"), ("a.bin", b"old bin")]);
+    let folder = folder(&[("a.gltf", br#"{"buffers": [{"uri": "a.bin"}]}"#), ("a.bin", b"old bin")]);
     triangle().stage(&folder.path().join("a.gltf")).unwrap().commit().unwrap();
     assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
     assert_eq!(fs::read(folder.path().join("a.bin")).unwrap(), triangle_bytes());
