@@ -70,7 +70,7 @@ fn only_a_tree(file: &Path) -> ExitCode {
 /// program does.
 fn tree_bytes(file: &Path) -> Result<f64, String> {
     let mut command = Command::new(std::env::current_exe().map_err(|e| e.to_string())?);
-    let output = command.arg(TREE_ONLY).arg(file).env("MALLOC_MMAP_THRESHOLD_", "131072").output();
+    let output = command.arg(TREE_ONLY).arg(file).env("MALLOC_MMAP_THRESHOLD_", "1048576").output();
     let printed = String::from_utf8(output.map_err(|e| e.to_string())?.stdout).map_err(|e| e.to_string())?;
     Ok(printed.trim().parse().map_or(f64::NAN, |kilobytes: f64| 1024.0 * kilobytes))
 }

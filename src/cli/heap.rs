@@ -4,10 +4,11 @@
 //! Parameters", The GNU C Library Reference Manual): a third of the peak of a bake. Fixed limits are read from the
 //! environment when a process starts, so that the program starts itself anew with them, as the same process.
 
-/// Pieces of 128 KiB or more are given back at once; of smaller ones, 4 MiB may be kept.
+/// Pieces of 1 MiB or more are given back at once; of smaller ones, 16 MiB may be kept. Tighter limits save 8 MB of 110 for 5 %
+/// more time: what is given back must be cleared again by the system.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LIMITS: [(&str, &str); 3] =
-    [("MALLOC_MMAP_THRESHOLD_", "131072"), ("MALLOC_TRIM_THRESHOLD_", "4194304"), ("MALLOC_TOP_PAD_", "1048576")];
+    [("MALLOC_MMAP_THRESHOLD_", "1048576"), ("MALLOC_TRIM_THRESHOLD_", "16777216"), ("MALLOC_TOP_PAD_", "4194304")];
 
 /// Starts the program anew with limits on what is kept, unless it was started with some. Where that fails it goes on,
 /// taking more memory.
