@@ -18,6 +18,11 @@ pub(crate) fn counted(count: usize, what: &str) -> String {
     format!("{} {}", grouped(count as u64), plural(count, what))
 }
 
+/// That so many instances stay: `1 instance stays`, `2 instances stay`.
+pub(crate) fn instances_stay(count: usize) -> String {
+    format!("{} {}", counted(count, "instance"), if count == 1 { "stays" } else { "stay" })
+}
+
 /// The word for so many of something.
 fn plural(count: usize, what: &str) -> String {
     if count == 1 {
@@ -58,6 +63,7 @@ mod tests {
         let words = ["mesh", "vertex", "geometry", "box"].map(|what| counted(2000, what));
         assert_eq!(words, ["2,000 meshes", "2,000 vertices", "2,000 geometries", "2,000 boxes"]);
         assert_eq!(counted(2, "copy"), "2 copies");
+        assert_eq!([1, 2000].map(instances_stay), ["1 instance stays", "2,000 instances stay"]);
     }
 
     #[test]

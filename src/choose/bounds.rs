@@ -1,7 +1,5 @@
 //! What a layout may take, which candidates keep to it, and what of a layout that is written does not.
 
-use std::borrow::Cow;
-
 use super::candidate::{Candidate, as_built};
 use crate::layout::{Content, Layout, Method, Placement};
 use crate::scene::{Bounds as Box3, Pinned, Scene};
@@ -152,7 +150,7 @@ enum Cause {
 
 /// The causes for the groups of a layout.
 struct Causes<'l> {
-    layout: Cow<'l, Layout>,
+    layout: &'l Layout,
     of_groups: Vec<Cause>,
     origin: Origin,
 }
@@ -173,7 +171,7 @@ impl<'l> Causes<'l> {
                 of_groups[*group as usize] = Cause::Pinned(words_of(why));
             }
         }
-        Causes { layout: Cow::Borrowed(layout), of_groups, origin }
+        Causes { layout, of_groups, origin }
     }
 
     /// A note for each cause; `excess` gives the size of a group that is beyond the bound, `words` says it.

@@ -16,7 +16,7 @@ use crate::verify::Lap;
 use crate::verify::build::BlasPer;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
-use crate::words::counted;
+use crate::words::{counted, instances_stay};
 
 /// A candidate and what is known of it.
 pub(super) struct Candidate {
@@ -244,10 +244,7 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
         layout.notes.push(format!(
             "{} as before: written out, their vertices would move farther than {max_error_ratio:e} of the scene's \
              diagonal, or a ten-thousandth of their own",
-            match held_back {
-                1 => "1 instance stays".to_owned(),
-                n => format!("{} stay", counted(n, "instance")),
-            }
+            instances_stay(held_back)
         ));
     }
     let reason = match settled.centred {

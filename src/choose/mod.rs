@@ -32,7 +32,7 @@ use crate::verify::build::BlasPer;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Care, Machine, MachineKind, VerifyOptions};
-use crate::words::counted;
+use crate::words::instances_stay;
 use bounds::{Bounds, Origin};
 use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
@@ -261,11 +261,7 @@ fn reports(candidates: &[Candidate], held_back: &[HeldBack], verify: &VerifyOpti
     }
     let of_held_back = |held: &HeldBack| {
         let same = &reports[held.same_as];
-        let stay = if held.instances == 1 {
-            "1 instance stays"
-        } else {
-            &format!("{} stay", counted(held.instances, "instance"))
-        };
+        let stay = instances_stay(held.instances);
         let outcome = format!(
             "comes to `{}`: {stay}, as written out vertices would move farther than {:e} of the diagonal, or a ten-thousandth of their own",
             same.name, verify.max_position_error_ratio

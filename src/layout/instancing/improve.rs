@@ -194,9 +194,7 @@ mod tests {
         for count in [8, 12, 16] {
             let stretch = |i: usize| (0..mesh.triangle_count() as u32).filter(|&t| stretch_of(t, count) == i).collect();
             let stretches: Vec<Cluster> = (0..count).map(|i| Cluster::near(mesh, stretch(i), &[], IMPROVED)).collect();
-            let found =
-                joined(mesh, &Boxed::of_mesh(mesh, Quality::Medium), &[count], Shaping { turns: true, improves: true })
-                    .remove(0);
+            let found = joined(mesh, &Boxed::of_mesh(mesh, Quality::Medium), &[count], IMPROVED).remove(0);
             assert_eq!(found.len(), count);
             assert!(cost(&found) < 1.1 * cost(&stretches), "{count}: {} {}", cost(&found), cost(&stretches));
         }
