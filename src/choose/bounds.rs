@@ -1,9 +1,11 @@
 //! What a layout may take, which candidates keep to it, and what of a layout that is written does not.
 
-use super::candidate::{Candidate, as_built};
-use crate::layout::{Content, Layout, Method, Placement};
+use super::candidate::Candidate;
+use crate::layout::BlasPer;
+use crate::layout::as_built;
+use crate::layout::{Content, Layout, Placement};
+use crate::methods::Method;
 use crate::scene::{Bounds as Box3, Pinned, Scene};
-use crate::verify::build::BlasPer;
 use crate::words::{counted, grouped};
 
 /// Lengths that were computed in different ways may differ by this share.

@@ -9,11 +9,11 @@ use super::passes::pass;
 use super::plans::Plan;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Refuse};
-use crate::layout::{self, Cache, Content, Layout, PlacedTrees};
+use crate::layout::{self, Content, Layout, PlacedTrees, as_built};
+use crate::methods::{self, Cache};
 use crate::report::{self, Pass};
 use crate::scene::{Bounds, Pinned, Scene};
 use crate::verify::Lap;
-use crate::verify::build::BlasPer;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
 use crate::words::{counted, instances_stay};
@@ -175,14 +175,6 @@ impl Candidate {
     }
 }
 
-/// A layout as its consumer builds it.
-pub(crate) fn as_built<'l>(scene: &Scene, layout: &'l Layout, per: BlasPer) -> Cow<'l, Layout> {
-    match per {
-        BlasPer::Mesh => Cow::Borrowed(layout),
-        BlasPer::Primitive => Cow::Owned(layout::per_geometry(scene, layout)),
-    }
-}
-
 /// The groups that could be divided, in order.
 fn divisible<'l>(scene: &Scene, layout: &'l Layout) -> impl Iterator<Item = &'l Content> {
     let mut uses = vec![0u32; scene.meshes.len()];
@@ -224,7 +216,7 @@ const MOST_ROUNDS: usize = 4;
 pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
     let pins_before: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
     let start = Instant::now();
-    let mut layout = layout::run_with(cache, plan.method, scene, &plan.options);
+    let mut layout = methods::run_with(cache, plan.method, scene, &plan.options);
     let regrouped = !emit::is_unchanged(&layout);
     let reason = if regrouped { "the layout differs from the input's" } else { "the layout is the input's" };
     let mut passes = vec![pass("regroup", regrouped, reason, start)];
@@ -236,7 +228,7 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
         held_back += settled.refused.len();
         rounds += 1;
         scene.pin(&settled.refused, Pinned::Precision);
-        layout = layout::run_with(cache, plan.method, scene, &plan.options);
+        layout = methods::run_with(cache, plan.method, scene, &plan.options);
         let refuse = if rounds < MOST_ROUNDS { Refuse::Instances } else { Refuse::Groups };
         settled = emit::settle(scene, &mut layout, max_error_ratio, refuse);
     }

@@ -3,7 +3,7 @@
 use super::bounds::Bounds;
 use super::candidate::Candidate;
 use super::plans::Effort;
-use crate::layout::Method;
+use crate::methods::Method;
 use crate::verify::weights::{Overall, Weights};
 
 /// A candidate that was only predicted must cost less than this share of the input to be worth a change.
@@ -227,9 +227,10 @@ mod tests {
     use super::super::candidate::Laid;
     use super::super::plans::Plan;
     use super::*;
-    use crate::layout::{Content, Group, Layout, Options};
+    use crate::layout::BlasPer;
+    use crate::layout::{Content, Group, Layout};
+    use crate::methods::Options;
     use crate::verify::Lap;
-    use crate::verify::build::BlasPer;
     use crate::verify::speed::{KindSpeed, Kinds};
 
     fn candidate(name: &str, method: Method, sampled_cost: f64, as_bytes: u64, largest_group: usize) -> Candidate {

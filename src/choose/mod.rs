@@ -14,8 +14,6 @@ pub mod plans;
 mod refine;
 pub(crate) mod segments;
 
-pub(crate) use candidate::as_built;
-
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -24,11 +22,12 @@ use rayon::prelude::*;
 
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
-use crate::cost::tree::Tree;
-use crate::layout::{self, Cache, Layout, Method, PlacedTrees};
+use crate::layout::BlasPer;
+use crate::layout::{self, Layout, PlacedTrees};
+use crate::methods::{self, Cache, Method};
 use crate::report::{self, DecidedBy, MethodReport, Pass};
 use crate::scene::{Pinned, Scene};
-use crate::verify::build::BlasPer;
+use crate::tree::Tree;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::{Care, Machine, MachineKind, VerifyOptions};
@@ -77,7 +76,7 @@ pub struct ChooseOptions {
     /// How the layout is chosen.
     pub method: Choice,
     /// What the methods may be told.
-    pub layout: layout::Options,
+    pub layout: methods::Options,
     /// How many candidates `auto` looks at, and how closely.
     pub effort: Effort,
     /// What kind of device the rays of the user run on, for predictions.
@@ -116,7 +115,7 @@ pub struct Chosen {
 impl Chosen {
     /// The input as it is instead, for a candidate that was not faster when it was measured again.
     pub fn left_alone(self, scene: &Scene) -> Chosen {
-        let layout = layout::run(Method::Keep, scene, &layout::Options::default());
+        let layout = methods::run(Method::Keep, scene, &methods::Options::default());
         let reason = format!("{} was not faster than the input when it was verified", self.report.chosen_candidate);
         let keep = Method::Keep.name();
         let mut passes = self.passes;
@@ -200,9 +199,9 @@ fn asked_for(
 }
 
 /// What the methods are told, and how the consumer builds what they lay out.
-fn told(options: &layout::Options, verify: &VerifyOptions) -> layout::Options {
+fn told(options: &methods::Options, verify: &VerifyOptions) -> methods::Options {
     let one_geometry_a_group = options.one_geometry_a_group || verify.build.blas_per == BlasPer::Primitive;
-    layout::Options { one_geometry_a_group, ..options.clone() }
+    methods::Options { one_geometry_a_group, ..options.clone() }
 }
 
 /// What choosing among candidates takes.
@@ -219,7 +218,7 @@ struct Choosing<'a> {
 /// The best candidate within the bounds.
 fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let Choosing { options, verify, .. } = *choosing;
-    let told = layout::Options { max_bytes_ratio: options.max_bytes_ratio(), ..told(&options.layout, verify) };
+    let told = methods::Options { max_bytes_ratio: options.max_bytes_ratio(), ..told(&options.layout, verify) };
     let plans = plans::plans(options.effort, &told);
     let (plans, mut passes) = passes::worth_a_try(scene, choosing.before, plans, options);
     let Evaluated { mut candidates, placed, held_back } = choosing.evaluate(scene, &plans);

@@ -8,7 +8,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::verify::build::BlasPer;
+use crate::layout::BlasPer;
 use crate::verify::cpu::{CpuTracer, Steps, TwoLevel};
 use crate::verify::rays::{Ray, RayKind, Rays};
 use crate::verify::weights::Weights;

@@ -8,11 +8,12 @@ use glam::DMat3;
 use super::ChooseOptions;
 use super::plans::Plan;
 use crate::cost::Metrics;
-use crate::cost::tree::Tree;
 use crate::emit;
-use crate::layout::{self, Content, Group, Instances, Layout, Method, PlacedTrees};
+use crate::layout::{self, Content, Group, Layout, PlacedTrees};
+use crate::methods::{self, Instances, Method};
 use crate::report::Pass;
 use crate::scene::{Opacity, Scene};
+use crate::tree::Tree;
 use crate::words::counted;
 
 /// Triangles whose boxes have on average less than this many times the area of the tightest lie along the axes.
@@ -179,7 +180,7 @@ fn choose_instances(scene: &Scene, overlap: bool) -> Pass {
 
 fn frames(scene: &Scene) -> Pass {
     let start = Instant::now();
-    let looseness = layout::looseness(scene);
+    let looseness = methods::looseness(scene);
     let reason = match looseness > LOOSE {
         true => format!("the boxes of triangles are {looseness:.2} times as large as they need be"),
         false => "all triangles lie along the axes".to_owned(),
@@ -189,7 +190,7 @@ fn frames(scene: &Scene) -> Pass {
 
 fn isolate(scene: &Scene) -> Pass {
     let start = Instant::now();
-    let isolates = layout::isolates(scene);
+    let isolates = methods::isolates(scene);
     let reason = match isolates {
         true => "some objects enclose the rest or lie far outside",
         false => "no object encloses the scene and none lies far outside",
@@ -199,7 +200,7 @@ fn isolate(scene: &Scene) -> Pass {
 
 fn split_opacity(scene: &Scene) -> Pass {
     let start = Instant::now();
-    let differ = layout::opacities_differ(scene);
+    let differ = methods::opacities_differ(scene);
     let opaque = || scene.meshes.iter().flat_map(|m| &m.geometries).all(|g| g.opacity == Opacity::Opaque);
     let reason = match differ {
         true => "some triangles are opaque and some are not",

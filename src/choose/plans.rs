@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::layout::{Instances, Method, Options};
+use crate::methods::{Instances, Method, Options};
 
 /// How much time to spend, from 0 to 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

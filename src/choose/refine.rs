@@ -9,7 +9,8 @@
 use super::bounds::Bounds;
 use super::candidate::{Candidate, Laid};
 use super::plans::{Effort, PROHIBITIVE, Plan};
-use crate::layout::{Method, WAYS};
+use crate::layout::WAYS;
+use crate::methods::Method;
 use crate::verify::weights::Weights;
 
 /// What is tried next.
@@ -108,7 +109,7 @@ fn turned(candidate: &Candidate, axes: usize) -> Candidate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::Options;
+    use crate::methods::Options;
 
     fn plan(method: Method, entry_cost: f64) -> Plan {
         Plan { name: "cluster".into(), method, options: Options { entry_cost, ..Options::default() } }

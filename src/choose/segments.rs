@@ -53,7 +53,7 @@ fn evenly<T>(all: &[T], count: usize) -> impl Iterator<Item = &T> {
 mod tests {
     use super::super::plans::{Effort, plans};
     use super::*;
-    use crate::layout::Options;
+    use crate::methods::Options;
     use crate::verify::rays;
 
     #[test]

@@ -5,15 +5,16 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::bake::{BakeOptions, FindCopies};
 use crate::choose::model::Class;
 use crate::choose::plans::Effort;
 use crate::choose::{Choice, ChooseOptions, Forbidden};
-use crate::compare::MatchBy;
+use crate::commands::bake::{BakeOptions, FindCopies};
+use crate::commands::verify::MatchBy;
 use crate::copies::Likeness;
-use crate::layout::{self, Instances, Method};
+use crate::layout::BlasPer;
+use crate::methods::{self, Instances, Method};
 use crate::scene::LoadOptions;
-use crate::verify::build::{BlasPer, BuildOptions, Prefer};
+use crate::verify::build::{BuildOptions, Prefer};
 use crate::verify::rays::MOST_RAYS;
 use crate::verify::speed::MOST_REPEATS;
 use crate::verify::weights::Weights;
@@ -165,25 +166,25 @@ pub(super) struct BakeArguments {
 #[command(next_help_heading = "Layout options")]
 struct LayoutArguments {
     /// bvh: tree nodes allowed over triangles of the scene
-    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().nodes_per_triangle_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().nodes_per_triangle_ratio, value_parser = ratio)]
     nodes_per_triangle_ratio: f64,
     /// bvh: do not split nodes whose box area over the scene's is below this
-    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().min_area_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().min_area_ratio, value_parser = ratio)]
     min_area_ratio: f64,
     /// overlap: leave pairs alone whose overlap area over the scene box's area is at most this
-    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().skip_overlap_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().skip_overlap_ratio, value_parser = ratio)]
     skip_overlap_ratio: f64,
     /// overlap: split pairs whose overlap over their joint box is below this, merge the others
-    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().split_or_merge_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().split_or_merge_ratio, value_parser = ratio)]
     split_or_merge_ratio: f64,
     /// overlap: split both objects of a pair at their middle below this, at their overlap above it
-    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().split_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().split_ratio, value_parser = ratio)]
     split_ratio: f64,
     /// overlap: stop when the scene's overlap ratio falls below this
-    #[arg(long, value_name = "RATIO", default_value_t = layout::Options::default().termination_overlap_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().termination_overlap_ratio, value_parser = ratio)]
     termination_overlap_ratio: f64,
     /// bvh, overlap: do not split objects with at most this many triangles
-    #[arg(long, value_name = "N", default_value_t = layout::Options::default().min_triangles)]
+    #[arg(long, value_name = "N", default_value_t = methods::Options::default().min_triangles)]
     min_triangles: usize,
     /// Leave instances instanced where writing them out would need more predicted BLAS and TLAS bytes than this times
     /// the input's [default: 1.25 for auto, no limit otherwise]
@@ -205,7 +206,7 @@ struct LayoutArguments {
     #[arg(long, value_name = "BOOL")]
     split_opacity: Option<bool>,
     /// cluster: what it costs to enter an instance, in steps from node to node
-    #[arg(long, value_name = "STEPS", default_value_t = layout::Options::default().entry_cost, value_parser = ratio)]
+    #[arg(long, value_name = "STEPS", default_value_t = methods::Options::default().entry_cost, value_parser = ratio)]
     entry_cost: f64,
     /// cluster: store groups in frames of their own
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
@@ -418,7 +419,7 @@ impl BakeArguments {
                     split_opacity: l.split_opacity == Some(false),
                     choose_instances: matches!(l.instances, Some(InstancesArgument::BakeOrKeep)),
                 },
-                layout: layout::Options {
+                layout: methods::Options {
                     nodes_per_triangle_ratio: l.nodes_per_triangle_ratio,
                     min_area_ratio: l.min_area_ratio,
                     skip_overlap_ratio: l.skip_overlap_ratio,
@@ -438,7 +439,7 @@ impl BakeArguments {
                     frames: l.frames,
                     max_group_triangles: l.max_group_triangles,
                     max_group_extent_ratio: l.max_group_extent_ratio,
-                    ..layout::Options::default()
+                    ..methods::Options::default()
                 },
             },
             copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),

@@ -15,12 +15,13 @@ use clap::{CommandFactory, Parser};
 use raykiln_formats::document::{Placed, Staged};
 use raykiln_formats::staging::Hold;
 
-use crate::bake::{self, BakeOptions, Baked};
-use crate::compare;
-use crate::inspect;
+use crate::commands::bake::{self, BakeOptions, Baked};
+use crate::commands::inspect;
+use crate::commands::verify;
 use crate::lab;
-use crate::report::{self, Verdict};
+use crate::report;
 use crate::scene::LoadOptions;
+use crate::verify::verdict::Verdict;
 use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
 use reports::{Reports, StagedReports};
@@ -110,7 +111,7 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     let mut progress = Progress::new(output.quiet);
     progress.enter("verifying");
     let by = arguments.match_by.into();
-    let report = compare::compare(&arguments.before, &arguments.after, by, &arguments.verify.options());
+    let report = verify::compare(&arguments.before, &arguments.after, by, &arguments.verify.options());
     progress.finish();
     let report = report?;
     let json = report::json::to_json(&report);

@@ -72,7 +72,7 @@ fn boxes_touching(structure: &Structure, nodes: &[Bounds], around: &Bounds) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::tree::{Quality, Tree};
+    use crate::tree::{Quality, Tree};
     use glam::dvec3;
     use proptest::prelude::*;
 

@@ -4,6 +4,9 @@
 //! after compaction, a TLAS 161 bytes an instance. Other devices differ; ratios of two layouts differ less.
 //! The number of geometries makes no difference. A fixed part of every structure beyond its alignment is not modelled.
 
+use crate::layout::Layout;
+use crate::scene::Scene;
+
 /// Bytes of a compacted BLAS for each of its triangles.
 pub const COMPACTED_BLAS_BYTES_PER_TRIANGLE: u64 = 79;
 
@@ -27,6 +30,14 @@ pub fn tlas(instances: u64) -> u64 {
 
 fn aligned(bytes: u64) -> u64 {
     bytes.checked_next_multiple_of(ALIGNMENT).unwrap_or(u64::MAX)
+}
+
+impl Layout {
+    /// Predicted bytes of all BLASes and the TLAS.
+    pub fn as_bytes(&self, scene: &Scene) -> u64 {
+        let blas = self.groups.iter().map(|g| blas(g.content.triangle_count(scene) as u64));
+        blas.fold(tlas(self.placements.len() as u64), u64::saturating_add)
+    }
 }
 
 #[cfg(test)]

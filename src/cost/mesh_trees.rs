@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::tree::{Quality, Tree};
 use crate::layout::{Content, Layout, PlacedTrees};
 use crate::scene::{Bounds, Geometry, Mesh, MeshId, Scene};
+use crate::tree::{Quality, Tree};
 
 /// For each mesh of a scene the tree over its triangles in mesh coordinates, item `i` being its triangle `i`; or none,
 /// where whoever needs it builds it. Trees of large scenes take about 8 bytes a triangle.

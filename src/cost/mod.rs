@@ -2,16 +2,12 @@
 
 pub mod boxes;
 pub mod bytes;
-mod clustering;
-mod divide;
 pub mod mesh_trees;
 pub mod overlap;
-mod retain;
 pub mod sah;
 pub mod segments;
 pub mod structure;
 pub mod surface;
-pub mod tree;
 pub mod two_level;
 
 use boxes::BoxesPerPoint;

@@ -11,8 +11,8 @@
 
 use rayon::prelude::*;
 
-use super::tree::{Quality, Tree};
 use crate::scene::Bounds;
+use crate::tree::{Quality, Tree};
 
 /// Two boxes that overlap.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,8 +6,8 @@
 
 use glam::DVec3;
 
-use super::tree::Tree;
 use crate::scene::Bounds;
+use crate::tree::Tree;
 
 /// What it costs to pass an inner node; the unit of all costs.
 pub const TRAVERSAL: f64 = 1.0;
@@ -59,7 +59,7 @@ impl FaceAreas {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cost::tree::{Node, Quality};
+    use crate::tree::{Node, Quality};
 
     fn cube(x: f64) -> Bounds {
         Bounds { min: DVec3::new(x, 0.0, 0.0), max: DVec3::new(x + 1.0, 1.0, 1.0) }

@@ -9,8 +9,8 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::surface::{self, SplitMix64};
-use super::tree::{Quality, Tree};
 use crate::scene::{Bounds, Mesh, Scene};
+use crate::tree::{Quality, Tree};
 
 /// A part of a line: `origin + t * along` for t from 0 to `length`.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use super::mesh_trees::MeshTrees;
 use super::sah::FaceAreas;
-use super::tree::{Quality, Tree};
 use crate::layout::{Content, Group, Layout, Placement};
 use crate::scene::{Bounds, Scene};
+use crate::tree::{Quality, Tree};
 
 /// The trees of a layout, as a driver might build them.
 #[derive(Clone, Debug, Default)]

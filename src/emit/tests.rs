@@ -307,7 +307,7 @@ fn extensions_are_forgotten_only_where_the_last_use_went() {
     doc.json["extensionsRequired"] = json!(["KHR_mesh_quantization", "KHR_xmp_json_ld"]);
     doc.json["materials"] = json!([{"extras": {"extensions": {"KHR_xmp_json_ld": {}}}}]);
     let scene = load(&doc);
-    let kept = crate::layout::run(crate::layout::Method::Keep, &scene, &Default::default());
+    let kept = crate::methods::run(crate::methods::Method::Keep, &scene, &Default::default());
     let kept = emit(&doc, &scene, &kept, &Options::default()).document.json;
     assert_eq!(kept["extensionsUsed"], doc.json["extensionsUsed"]);
     let json = emit(&doc, &scene, &baked(&scene), &Options::default()).document.json;

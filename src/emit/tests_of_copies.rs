@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::tests::{document, load, opened, pruned, shown, surface};
 use super::*;
-use crate::layout::{Method, run};
+use crate::methods::{Method, run};
 use crate::scene::TriangleRef;
 use crate::verify::identity::Identity;
 

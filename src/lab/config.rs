@@ -11,7 +11,7 @@ use toml::Spanned;
 use super::LabError;
 use crate::choose::model::Class;
 use crate::choose::plans::{Effort, Plan, plans};
-use crate::layout::{Method, Options};
+use crate::methods::{Method, Options};
 use crate::verify::rays::MOST_RAYS;
 use crate::verify::speed::MOST_REPEATS;
 use crate::verify::{DeviceChoice, VerifyOptions};

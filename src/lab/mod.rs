@@ -17,7 +17,7 @@ pub use quality::Quality;
 pub use rows::{KindRow, KindRows, Row};
 
 use crate::choose::model::Class;
-use crate::compare;
+use crate::commands::verify;
 use crate::verify::{Machine, MachineKind};
 use config::Config;
 
@@ -114,7 +114,7 @@ fn measure(
     class: Class,
     config: &Config,
 ) -> Result<(Vec<Row>, Vec<String>), String> {
-    let (mut scene, warnings) = compare::read(path).map_err(|e| e.to_string())?;
+    let (mut scene, warnings) = verify::read(path).map_err(|e| e.to_string())?;
     if scene.triangles_placed() == 0 {
         return Err(format!("{}: there are no triangles to trace", path.display()));
     }

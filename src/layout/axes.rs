@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{Content, Layout};
+use crate::layout::{Content, Layout};
 use crate::scene::Scene;
 
 /// Ways to lay three axes along three axes without mirroring.
@@ -58,9 +58,10 @@ pub(crate) fn turn_stored(scene: &mut Scene, is_rewritten: &[bool], number: u8) 
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::*;
-    use super::super::{GroupGeometry, Method, Options, run, stored};
     use super::*;
+    use crate::layout::test_scenes::*;
+    use crate::layout::{GroupGeometry, stored};
+    use crate::methods::{Method, Options, run};
     use crate::scene::TriangleRef;
     use glam::{DAffine3, Vec3};
 

@@ -4,38 +4,38 @@ use std::collections::BTreeMap;
 
 use glam::DAffine3;
 
-use super::{Content, Group, GroupGeometry, Layout, Placement};
+use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
 use crate::scene::{Geometry, InstanceId, Mesh, MeshId, Scene, TriangleRef};
 
 /// A geometry as an instance places it: what the thesis calls an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) struct Object {
+pub(crate) struct Object {
     /// Index into [`Scene::instances`].
-    pub(super) instance: u32,
+    pub(crate) instance: u32,
     /// Index into the geometries of the instance's mesh.
-    pub(super) geometry: u32,
+    pub(crate) geometry: u32,
 }
 
 /// Some triangles of a mesh, or all.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Part {
+pub(crate) struct Part {
     /// In ascending order.
-    pub(super) triangles: Vec<u32>,
+    pub(crate) triangles: Vec<u32>,
     /// As in [`Content::Piece`].
-    pub(super) frame: DAffine3,
+    pub(crate) frame: DAffine3,
 }
 
 /// What decides whether triangles may share a geometry.
-pub(super) type GeometryKey = (Option<u32>, u32);
+pub(crate) type GeometryKey = (Option<u32>, u32);
 
 impl Object {
     /// The geometry placed.
-    pub(super) fn geometry(self, scene: &Scene) -> &Geometry {
+    pub(crate) fn geometry(self, scene: &Scene) -> &Geometry {
         &scene.mesh_of(InstanceId(self.instance)).geometries[self.geometry as usize]
     }
 
     /// The placed triangles, in file order.
-    pub(super) fn triangles(self, scene: &Scene) -> impl Iterator<Item = TriangleRef> + use<> {
+    pub(crate) fn triangles(self, scene: &Scene) -> impl Iterator<Item = TriangleRef> + use<> {
         let g = self.geometry(scene);
         let first = g.first_triangle;
         (first..first + g.triangles.len() as u32).map(move |triangle| TriangleRef { instance: self.instance, triangle })
@@ -43,7 +43,7 @@ impl Object {
 
     /// The name of the object: that of its node, else of its mesh; followed by the number of the geometry if
     /// the mesh has several.
-    pub(super) fn name(self, scene: &Scene) -> String {
+    pub(crate) fn name(self, scene: &Scene) -> String {
         let mesh = scene.mesh_of(InstanceId(self.instance));
         let node = &scene.instances[self.instance as usize].name;
         geometry_name(if node.is_empty() { &mesh.name } else { node }, mesh, self.geometry)
@@ -51,7 +51,7 @@ impl Object {
 }
 
 /// The objects of some instances, in the order of the scene.
-pub(super) fn objects(scene: &Scene, instances: impl IntoIterator<Item = InstanceId>) -> Vec<Object> {
+pub(crate) fn objects(scene: &Scene, instances: impl IntoIterator<Item = InstanceId>) -> Vec<Object> {
     let of_instance = |i: InstanceId| {
         let count = scene.mesh_of(i).geometries.len() as u32;
         (0..count).map(move |geometry| Object { instance: i.0, geometry })
@@ -60,17 +60,17 @@ pub(super) fn objects(scene: &Scene, instances: impl IntoIterator<Item = Instanc
 }
 
 /// The key of a geometry.
-pub(super) fn key(geometry: &Geometry) -> GeometryKey {
+pub(crate) fn key(geometry: &Geometry) -> GeometryKey {
     (geometry.material, geometry.merge_class)
 }
 
 /// Collects triangles into geometries, ordered by material, then merge class.
 #[derive(Default)]
-pub(super) struct Geometries(BTreeMap<GeometryKey, GroupGeometry>);
+pub(crate) struct Geometries(BTreeMap<GeometryKey, GroupGeometry>);
 
 impl Geometries {
     /// Appends triangles that lie in a geometry of the scene.
-    pub(super) fn add(&mut self, of: &Geometry, triangles: impl Iterator<Item = TriangleRef>) {
+    pub(crate) fn add(&mut self, of: &Geometry, triangles: impl Iterator<Item = TriangleRef>) {
         let (material, merge_class) = key(of);
         let entry = self.0.entry(key(of)).or_insert_with(|| GroupGeometry {
             material,
@@ -82,7 +82,7 @@ impl Geometries {
     }
 
     /// The geometries.
-    pub(super) fn finish(self) -> Vec<GroupGeometry> {
+    pub(crate) fn finish(self) -> Vec<GroupGeometry> {
         let fitted = |mut geometry: GroupGeometry| {
             geometry.triangles.shrink_to_fit();
             geometry
@@ -92,7 +92,7 @@ impl Geometries {
 }
 
 /// A layout under construction. Meshes and their pieces become one group each, however many instances place them.
-pub(super) struct Builder<'a> {
+pub(crate) struct Builder<'a> {
     scene: &'a Scene,
     first_instance: Vec<u32>,
     whole: Vec<Option<u32>>,
@@ -105,7 +105,7 @@ pub(super) struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     /// An empty layout.
-    pub(super) fn new(scene: &'a Scene) -> Self {
+    pub(crate) fn new(scene: &'a Scene) -> Self {
         Builder {
             scene,
             first_instance: first_instances(scene),
@@ -119,7 +119,7 @@ impl<'a> Builder<'a> {
 
     /// Leaves an instance as it is. A mesh with dropped triangles cannot stay as it is: the rest of it becomes a
     /// piece.
-    pub(super) fn keep(&mut self, instance: InstanceId) {
+    pub(crate) fn keep(&mut self, instance: InstanceId) {
         let mesh = self.scene.instances[instance.0 as usize].mesh;
         let group = match self.whole[mesh.0 as usize] {
             Some(group) => group,
@@ -139,7 +139,7 @@ impl<'a> Builder<'a> {
 
     /// Places an object with what it has in common with other instances of its mesh: the mesh, if the object is all
     /// of it, else a piece of the mesh.
-    pub(super) fn place_object(&mut self, object: Object) {
+    pub(crate) fn place_object(&mut self, object: Object) {
         let instance = InstanceId(object.instance);
         let mesh = self.scene.instances[object.instance as usize].mesh;
         if self.scene.mesh_of(instance).geometries.len() == 1 {
@@ -160,7 +160,7 @@ impl<'a> Builder<'a> {
 
     /// Places the pieces of an instance's mesh, which all its opened instances share, instead of the mesh. The
     /// triangles of each piece are those in `pieces`, which runs parallel to the meshes.
-    pub(super) fn open(&mut self, instance: InstanceId, pieces: &[Vec<Part>]) {
+    pub(crate) fn open(&mut self, instance: InstanceId, pieces: &[Vec<Part>]) {
         let mesh = self.scene.instances[instance.0 as usize].mesh;
         let groups = match self.opened.get(&mesh) {
             Some(groups) => groups.clone(),
@@ -191,7 +191,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Places the whole mesh of an instance with one geometry for each material and merge class.
-    pub(super) fn place_joined(&mut self, instance: InstanceId) {
+    pub(crate) fn place_joined(&mut self, instance: InstanceId) {
         let mesh = self.scene.mesh_of(instance);
         let mut keys: Vec<_> = mesh.geometries.iter().map(key).collect();
         keys.sort_unstable();
@@ -204,23 +204,23 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds a group of placed triangles.
-    pub(super) fn bake(&mut self, name: String, geometries: Geometries) {
+    pub(crate) fn bake(&mut self, name: String, geometries: Geometries) {
         self.bake_in(DAffine3::IDENTITY, name, geometries);
     }
 
     /// Adds a group of placed triangles that are stored in a frame: world from group.
-    pub(super) fn bake_in(&mut self, frame: DAffine3, name: String, geometries: Geometries) {
+    pub(crate) fn bake_in(&mut self, frame: DAffine3, name: String, geometries: Geometries) {
         self.baked.push(Group { name, content: Content::Baked { frame, geometries: geometries.finish() } });
     }
 
     /// Adds a remark for the report.
-    pub(super) fn note(&mut self, note: String) {
+    pub(crate) fn note(&mut self, note: String) {
         self.layout.notes.push(note);
     }
 
     /// The layout: what is kept comes first, in the order of its instances, then the baked groups in the order in
     /// which they were added.
-    pub(super) fn finish(self) -> Layout {
+    pub(crate) fn finish(self) -> Layout {
         let Builder { mut layout, baked, .. } = self;
         layout.placements.sort_by_key(|p| p.instance);
         for group in baked {
@@ -257,7 +257,7 @@ impl<'a> Builder<'a> {
 }
 
 /// The first instance that places each mesh; 0 for one that none places.
-pub(super) fn first_instances(scene: &Scene) -> Vec<u32> {
+pub(crate) fn first_instances(scene: &Scene) -> Vec<u32> {
     let mut first = vec![None; scene.meshes.len()];
     for (i, instance) in scene.instances.iter().enumerate() {
         first[instance.mesh.0 as usize].get_or_insert(i as u32);
@@ -267,7 +267,7 @@ pub(super) fn first_instances(scene: &Scene) -> Vec<u32> {
 
 /// The name of a group by how many triangles of each object are in it: that of the object with the most; with the next
 /// number where the group is only a part of one object, with the number of further objects where there are others.
-pub(super) fn group_name(
+pub(crate) fn group_name(
     scene: &Scene,
     objects: &[Object],
     sizes: &BTreeMap<u32, usize>,

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use glam::DAffine3;
 
-use super::builder::first_instances;
-use super::{Content, Group, GroupGeometry, Layout, Placement};
+use crate::layout::builder::first_instances;
+use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
 use crate::scene::{Broken, InstanceId, MeshId, Scene, TriangleRef};
 
 impl Layout {
@@ -234,9 +234,9 @@ fn require(holds: bool, otherwise: &str) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::*;
-    use super::super::{Method, Options, run};
     use super::*;
+    use crate::layout::test_scenes::*;
+    use crate::methods::{Method, Options, run};
     use crate::scene::Pinned;
     use glam::Vec3;
 

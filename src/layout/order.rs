@@ -7,9 +7,9 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Content, Group, GroupGeometry, Layout, PlacedTrees, Placement};
-use crate::cost::tree::{Quality, Tree};
+use crate::layout::{Content, Group, GroupGeometry, Layout, PlacedTrees, Placement};
 use crate::scene::{Bounds, Scene, TriangleRef};
+use crate::tree::{Quality, Tree};
 
 /// The most triangles of a group over which a tree is built for the sake of their order.
 const TREE_TRIANGLES: usize = 1 << 19;
@@ -195,9 +195,9 @@ fn permute_groups(layout: &mut Layout, order: &[u32]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::*;
-    use super::super::{Method, Options, run};
     use super::*;
+    use crate::layout::test_scenes::*;
+    use crate::methods::{Method, Options, run};
     use glam::Vec3;
     use proptest::prelude::*;
 

@@ -1,7 +1,9 @@
 //! What a renderer that builds one BLAS a primitive makes of a layout.
 
-use super::builder::first_instances;
-use super::{Content, Group, GroupGeometry, Layout, Placement};
+use std::borrow::Cow;
+
+use crate::layout::builder::first_instances;
+use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
 use glam::DAffine3;
 
 use crate::scene::{MeshId, Scene, TriangleRef};
@@ -55,12 +57,31 @@ fn geometries(scene: &Scene, instance: u32, mesh: MeshId) -> impl Iterator<Item 
     })
 }
 
+/// What goes into one BLAS.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BlasPer {
+    /// All geometries of a mesh.
+    #[default]
+    Mesh,
+    /// Each geometry by itself, with an instance of its own wherever its mesh is placed.
+    Primitive,
+}
+
+/// A layout as its consumer builds it.
+pub fn as_built<'l>(scene: &Scene, layout: &'l Layout, per: BlasPer) -> Cow<'l, Layout> {
+    match per {
+        BlasPer::Mesh => Cow::Borrowed(layout),
+        BlasPer::Primitive => Cow::Owned(per_geometry(scene, layout)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::*;
-    use super::super::{Method, Options, run};
     use super::*;
     use crate::cost;
+    use crate::layout::test_scenes::*;
+    use crate::methods::{Method, Options, run};
     use glam::{DAffine3, Vec3};
     use proptest::prelude::*;
 

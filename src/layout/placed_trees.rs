@@ -4,9 +4,9 @@
 
 use glam::DMat3;
 
-use super::{Content, GroupGeometry, axes};
-use crate::cost::tree::Tree;
+use crate::layout::{Content, GroupGeometry, axes};
 use crate::scene::{InstanceId, Scene, TriangleRef};
+use crate::tree::Tree;
 
 /// Trees over the same triangles, each with boxes in a frame of its own. Trees take about 20 bytes a triangle.
 #[derive(Clone, Debug, Default)]
@@ -18,12 +18,12 @@ pub struct PlacedTrees {
 
 impl PlacedTrees {
     /// Trees in frames, no two alike, whose item `i` is `triangles[i]`.
-    pub(super) fn new(triangles: Vec<TriangleRef>, trees: Vec<(DMat3, Tree)>) -> PlacedTrees {
+    pub(crate) fn new(triangles: Vec<TriangleRef>, trees: Vec<(DMat3, Tree)>) -> PlacedTrees {
         PlacedTrees { triangles, trees }
     }
 
     /// How many triangles they are over.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.triangles.len()
     }
 
@@ -82,12 +82,13 @@ impl Places {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::*;
-    use super::super::{Cache, Layout, Method, Options, run, run_with};
     use super::*;
     use crate::cost::sah;
-    use crate::cost::tree::Quality;
+    use crate::layout::Layout;
+    use crate::layout::test_scenes::*;
+    use crate::methods::{Cache, Method, Options, run, run_with};
     use crate::scene::Bounds;
+    use crate::tree::Quality;
     use glam::{DAffine3, Vec3};
 
     fn grids() -> Scene {

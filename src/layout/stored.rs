@@ -4,7 +4,7 @@ use glam::{DAffine3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::{Content, GroupGeometry, Layout};
+use crate::layout::{Content, GroupGeometry, Layout};
 use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, InstanceId, Mesh, MeshId, Scene, TriangleRef};
 
 /// The scene of a layout: one mesh for each group, one instance for each placement, in their order; positions as they
@@ -151,9 +151,9 @@ impl<'a> Vertices<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_scenes::*;
-    use super::super::{Method, Options, run};
     use super::*;
+    use crate::layout::test_scenes::*;
+    use crate::methods::{Method, Options, run};
     use proptest::prelude::*;
 
     /// The largest distance between a corner and where the stored scene has it, over all triangles that are placed.

@@ -3,16 +3,16 @@
 use glam::{DAffine3, DVec3, Vec3};
 use proptest::prelude::*;
 
-use super::{Content, Layout, Placement};
+use crate::layout::{Content, Layout, Placement};
 use crate::scene::{Bounds, Geometry, Instance, Material, Mesh, MeshId, Pinned, Scene};
 
 /// A scene under construction. Names of meshes and instances are given; nodes count up.
 #[derive(Default)]
-pub(super) struct SceneBuilder(Scene);
+pub(crate) struct SceneBuilder(Scene);
 
 impl SceneBuilder {
     /// Adds a mesh of some geometries: material and triangles.
-    pub(super) fn mesh(&mut self, name: &str, geometries: Vec<(u32, Vec<[Vec3; 3]>)>) -> MeshId {
+    pub(crate) fn mesh(&mut self, name: &str, geometries: Vec<(u32, Vec<[Vec3; 3]>)>) -> MeshId {
         let mut first_triangle = 0;
         let geometry = |(i, (material, triangles)): (usize, (u32, Vec<[Vec3; 3]>))| {
             let count = triangles.len() as u32;
@@ -36,7 +36,7 @@ impl SceneBuilder {
     }
 
     /// Places a mesh.
-    pub(super) fn place(&mut self, mesh: MeshId, name: &str, transform: DAffine3) -> &mut Instance {
+    pub(crate) fn place(&mut self, mesh: MeshId, name: &str, transform: DAffine3) -> &mut Instance {
         let node = self.0.instances.len() as u32;
         let instance = Instance {
             name: name.into(),
@@ -55,40 +55,40 @@ impl SceneBuilder {
     }
 
     /// Adds a mesh of one geometry and places it where it is.
-    pub(super) fn object(&mut self, name: &str, material: u32, triangles: Vec<[Vec3; 3]>) {
+    pub(crate) fn object(&mut self, name: &str, material: u32, triangles: Vec<[Vec3; 3]>) {
         let mesh = self.mesh(name, vec![(material, triangles)]);
         self.place(mesh, name, DAffine3::IDENTITY);
     }
 
     /// The scene, which holds its invariants.
-    pub(super) fn scene(mut self) -> Scene {
+    pub(crate) fn scene(mut self) -> Scene {
         self.0.nodes = self.0.instances.len();
         assert_eq!(self.0.check(), Ok(()));
         self.0
     }
 }
 
-pub(super) fn at(x: f64, y: f64, z: f64) -> DAffine3 {
+pub(crate) fn at(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }
 
 /// `count` small triangles in a row along x, from `start`, a unit apart.
-pub(super) fn row(start: Vec3, count: usize) -> Vec<[Vec3; 3]> {
+pub(crate) fn row(start: Vec3, count: usize) -> Vec<[Vec3; 3]> {
     (0..count).map(|i| small_triangle(start + Vec3::X * i as f32)).collect()
 }
 
 /// A triangle with edges of about half a unit, not flat along any axis.
-pub(super) fn small_triangle(corner: Vec3) -> [Vec3; 3] {
+pub(crate) fn small_triangle(corner: Vec3) -> [Vec3; 3] {
     [corner, corner + Vec3::new(0.5, 0.0, 0.25), corner + Vec3::new(0.0, 0.5, 0.25)]
 }
 
 /// How many triangles each group has, in the order of the groups.
-pub(super) fn group_sizes(scene: &Scene, layout: &Layout) -> Vec<usize> {
+pub(crate) fn group_sizes(scene: &Scene, layout: &Layout) -> Vec<usize> {
     layout.groups.iter().map(|g| g.content.triangle_count(scene)).collect()
 }
 
 /// Names of the groups, each with `kept`, `piece` or `baked`.
-pub(super) fn group_names(layout: &Layout) -> Vec<String> {
+pub(crate) fn group_names(layout: &Layout) -> Vec<String> {
     let kind = |content: &Content| match content {
         Content::Kept(_) => "kept",
         Content::Piece { .. } => "piece",
@@ -98,7 +98,7 @@ pub(super) fn group_names(layout: &Layout) -> Vec<String> {
 }
 
 /// The world box of every placement: of the transformed box of a kept mesh or piece, of the triangles that are baked.
-pub(super) fn placed_bounds(scene: &Scene, layout: &Layout) -> Vec<Bounds> {
+pub(crate) fn placed_bounds(scene: &Scene, layout: &Layout) -> Vec<Bounds> {
     let points = |corners: [Vec3; 3]| corners.map(|p| p.as_dvec3());
     let bounds = |placement: &Placement| match &layout.groups[placement.group as usize].content {
         Content::Kept(mesh) => {
@@ -133,7 +133,7 @@ fn triangles() -> impl Strategy<Value = Vec<[Vec3; 3]>> {
 
 /// Scenes of a few meshes, some of several geometries, some placed several times, some pinned, some with dropped
 /// triangles.
-pub(super) fn any_scene() -> impl Strategy<Value = Scene> {
+pub(crate) fn any_scene() -> impl Strategy<Value = Scene> {
     let mesh = prop::collection::vec((0..3u32, 0..2u32, triangles()), 1..4);
     let meshes = prop::collection::vec((mesh, 0..5u8), 1..5);
     let instances = prop::collection::vec((any::<prop::sample::Index>(), transform(), 0..4u8), 0..9);

@@ -16,9 +16,10 @@ use serde::Serialize;
 
 use crate::cost::Metrics;
 use crate::emit::Copied;
+use crate::layout::BlasPer;
 use crate::scene::Scene;
 use crate::verify::Verification;
-use crate::verify::build::BlasPer;
+use crate::verify::verdict::Verdict;
 
 /// Identifies the JSON form of [`BakeReport`].
 pub const SCHEMA: &str = "raykiln.report/1";
@@ -160,23 +161,6 @@ pub struct Pass {
     pub reason: String,
     /// Time it took.
     pub seconds: f64,
-}
-
-/// What came of a bake.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub enum Verdict {
-    /// The output traces faster than the input by more than the spread.
-    #[serde(rename = "faster")]
-    Faster,
-    /// The output was restructured, but does not trace faster by more than the spread.
-    #[serde(rename = "not faster")]
-    NotFaster,
-    /// The output is the input.
-    #[serde(rename = "left alone")]
-    LeftAlone,
-    /// Verification failed; there is no output.
-    #[serde(rename = "failed")]
-    Failed,
 }
 
 /// Time by stage, in seconds.

@@ -4,11 +4,13 @@ use std::fmt::Write as _;
 use std::io::{self, Write as _};
 
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
-use super::{Severity, Speed, Verdict, VerifyReport, candidates, verdict};
+use super::{Severity, Speed, VerifyReport, candidates, verdict};
 use crate::cost::Metrics;
+use crate::layout::BlasPer;
 use crate::verify::Verification;
-use crate::verify::build::{BlasPer, Pair};
+use crate::verify::build::Pair;
 use crate::verify::speed::KindSpeed;
+use crate::verify::verdict::Verdict;
 use crate::words::{bytes, counted, grouped};
 
 /// Warnings and notes that are shown without `-v`.

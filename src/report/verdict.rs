@@ -1,7 +1,8 @@
 //! What came of a bake, in words.
 
-use super::{DecidedBy, MethodReport, Speed, Verdict};
+use super::{DecidedBy, MethodReport, Speed};
 use crate::verify::Verification;
+use crate::verify::verdict::Verdict;
 
 /// What the verdict says and what it rests on: what was measured, on what, and, where that decided, what was predicted for a
 /// class of devices.

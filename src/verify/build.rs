@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::layout::BlasPer;
+
 /// What to build, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildOptions {
@@ -31,17 +33,6 @@ pub enum Prefer {
     FastBuild,
     /// Whatever the driver likes.
     None,
-}
-
-/// What goes into one BLAS.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum BlasPer {
-    /// All geometries of a mesh.
-    #[default]
-    Mesh,
-    /// Each geometry by itself, with an instance of its own wherever its mesh is placed.
-    Primitive,
 }
 
 /// What was built of one file, and what its rays met.

@@ -23,6 +23,7 @@ use super::compare::Tally;
 use super::speed::Kinds;
 use super::structure::Structure;
 use super::tracing::Seen;
+use super::weights::Weights;
 
 /// What verifying a file found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -143,4 +144,32 @@ fn structure_failures(structure: &Structure, options: &VerifyOptions) -> Vec<Str
 fn ray_failure(tally: &Tally) -> Option<String> {
     let Tally { mismatches, rays, examples, .. } = tally;
     (*mismatches > 0).then(|| format!("{mismatches} of {rays} rays see something else: {}", examples.join("; ")))
+}
+
+/// What came of a bake.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Verdict {
+    /// The output traces faster than the input by more than the spread.
+    #[serde(rename = "faster")]
+    Faster,
+    /// The output was restructured, but does not trace faster by more than the spread.
+    #[serde(rename = "not faster")]
+    NotFaster,
+    /// The output is the input.
+    #[serde(rename = "left alone")]
+    LeftAlone,
+    /// Verification failed; there is no output.
+    #[serde(rename = "failed")]
+    Failed,
+}
+
+/// Faster means: over the kinds of rays as they are weighted, by more than the speedup may be off.
+pub(crate) fn verdict(verification: &Verification, weights: &Weights, unchanged: bool) -> Verdict {
+    if !verification.passed() {
+        return Verdict::Failed;
+    }
+    if unchanged {
+        return Verdict::LeftAlone;
+    }
+    if weights.overall(&verification.kinds).is_faster() { Verdict::Faster } else { Verdict::NotFaster }
 }

@@ -2,7 +2,7 @@
 
 use crate::common::samples;
 use raykiln::emit;
-use raykiln::layout::{self, Method};
+use raykiln::methods::{self, Method};
 use raykiln::scene::{self, LoadOptions, Scene};
 use raykiln::verify::cpu::{CpuTracer, Reference, TwoLevel};
 use raykiln::verify::vulkan::{BuildOptions, Device, Options, Pipelines, Vulkan, VulkanTracer, Wanted};
@@ -20,7 +20,7 @@ fn open() -> (Vulkan, Device) {
 
 /// The scene of a file as a method lays it out.
 fn laid_out(document: &raykiln_formats::Document, scene: &Scene, method: Method) -> Scene {
-    let layout = layout::run(method, scene, &layout::Options::default());
+    let layout = methods::run(method, scene, &methods::Options::default());
     let emitted = emit::emit(document, scene, &layout, &emit::Options::default());
     scene::load(&emitted.document, &LoadOptions::default()).expect("what is emitted is sound").0
 }

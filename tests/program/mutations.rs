@@ -2,7 +2,7 @@
 
 use crate::common::{METHODS, Sample, folder_names, raykiln, samples};
 use fastrand::Rng;
-use raykiln::layout::{self, Method};
+use raykiln::methods::{self, Method};
 use raykiln::scene::{self, LoadOptions};
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -97,7 +97,7 @@ fn read_and_lay_out(path: &Path) {
     let Ok((scene, _)) = scene::load(&document, &LoadOptions::default()) else { return };
     assert_eq!(scene.check(), Ok(()));
     for method in Method::ALL {
-        layout::run(method, &scene, &layout::Options::default());
+        methods::run(method, &scene, &methods::Options::default());
     }
 }
 

@@ -6,8 +6,8 @@
 
 use std::ops::{Add, ControlFlow, Div, Mul, Neg, Range, Sub};
 
-use crate::cost::tree::{Node, Tree};
 use crate::scene::Bounds;
+use crate::tree::{Node, Tree};
 
 /// The numbers a ray is traced in: `f32` as a device does, `f64` for the truth.
 pub(super) trait Real:
@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn rounding_is_outward() {
         let bounds = [Bounds { min: glam::DVec3::splat(0.1), max: glam::DVec3::splat(0.7) }];
-        let tree = Tree::build(&bounds, crate::cost::tree::Quality::Medium);
+        let tree = Tree::build(&bounds, crate::tree::Quality::Medium);
         let nodes = boxed(&tree, &bounds);
         assert!(f64::from(nodes[0].min[0]) <= 0.1 && f64::from(nodes[0].max[0]) >= 0.7);
         assert!(round_down(1e300) == f32::MAX && round_down(-1e300) == f32::NEG_INFINITY);

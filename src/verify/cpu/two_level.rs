@@ -14,9 +14,9 @@ use super::boxes::{BoxNode, boxed};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::sah::{FaceAreas, TRAVERSAL};
 use crate::cost::share;
-use crate::cost::tree::{Quality, Tree};
 use crate::cost::two_level::{INSTANCE_ENTRY, face_scale};
 use crate::scene::{Bounds, Geometry, Instance, Mesh, MeshId, Scene};
+use crate::tree::{Quality, Tree};
 use crate::verify::rounding::{Magnitude, SINGLE};
 
 /// One level of the structure for each mesh, and one over the instances.

@@ -13,7 +13,8 @@ pub(super) use blas::Blases;
 pub(super) use plan::Plan;
 pub(super) use tlas::Tlas;
 
-pub use crate::verify::build::{BlasPer, BuildOptions, Prefer};
+pub use crate::layout::BlasPer;
+pub use crate::verify::build::{BuildOptions, Prefer};
 
 /// What was built.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

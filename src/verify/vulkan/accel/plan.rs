@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::DAffine3;
 
-use super::BlasPer;
 use super::scale::Scales;
+use crate::layout::BlasPer;
 use crate::scene::{Geometry, Mesh, Scene};
 use crate::verify::vulkan::Error;
 use crate::verify::vulkan::info::Limits;

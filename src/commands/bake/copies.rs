@@ -1,0 +1,258 @@
+//! The pass "find copies": meshes that are copies of others become instances of them.
+
+use std::collections::BTreeSet;
+use std::time::Instant;
+
+use raykiln_formats::Document;
+use serde_json::Value;
+
+use super::BakeOptions;
+use super::turned::{self, Class};
+use crate::choose::Choice;
+use crate::commands::measure::measure_with;
+use crate::copies::{self, CopiedMesh, Copies, Likeness};
+use crate::cost::Metrics;
+use crate::cost::mesh_trees::MeshTrees;
+use crate::layout::Layout;
+use crate::report::Pass;
+use crate::scene::{InstanceId, Scene};
+use crate::words::{bytes, counted};
+
+/// Whether copies are looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FindCopies {
+    /// For `auto`; the other methods restructure what the file holds, as it holds it.
+    #[default]
+    ByMethod,
+    /// Whatever the method.
+    Always(Likeness),
+    /// Never.
+    Off,
+}
+
+impl FindCopies {
+    fn likeness(self, method: Choice) -> Option<Likeness> {
+        match (self, method) {
+            (FindCopies::Off, _) => None,
+            (FindCopies::Always(likeness), _) => Some(likeness),
+            (FindCopies::ByMethod, Choice::Auto) => Some(Likeness::Rigid),
+            (FindCopies::ByMethod, Choice::Method(_)) => None,
+        }
+    }
+}
+
+/// Predicted cost that sharing may add, over the input's: what it saves is memory.
+const MOST_COST_RATIO: f64 = 1.01;
+
+/// Where so many classes cost too much together, one in so many of them is tried.
+const FEWER: usize = 8;
+
+/// Share of the input's predicted bytes of acceleration structures that `auto` must save to share at all.
+const LEAST_SAVED_RATIO: f64 = 0.05;
+
+/// Bytes that `auto` must save besides: what devices allocate at least at a time (see rule RK009 of `inspect`).
+const LEAST_SAVED_BYTES: u64 = 64 << 10;
+
+/// Lets meshes stand in for their copies, but for those whose looser boxes cost too much, and unless hardly any memory
+/// is saved.
+/// Returns the metrics of the scene with them, and what was done; nothing where the options leave the pass out.
+pub(super) fn share(
+    doc: &Document,
+    scene: &mut Scene,
+    trees: &MeshTrees,
+    before: &Metrics,
+    options: &BakeOptions,
+) -> (Metrics, Option<Pass>) {
+    let start = Instant::now();
+    let Some(likeness) = options.copies.likeness(options.choose.method) else { return (before.clone(), None) };
+    let max_position_error_ratio = options.verify.max_position_error_ratio;
+    let least_saved_bytes = if options.copies == FindCopies::ByMethod { least_saved_bytes(before) } else { 0 };
+    let found = copies::find(doc, scene, &copies::Options { likeness, max_position_error_ratio, least_saved_bytes });
+    let (metrics, applied, reason) = match (found.list.as_slice(), found.most_saved_bytes) {
+        ([], Some(0) | None) => (before.clone(), false, "no two meshes are alike".to_owned()),
+        ([], Some(most)) => {
+            let reason = format!("sharing copies, if there are any, would save {} at most", bytes(most));
+            (before.clone(), false, reason)
+        }
+        _ => apply(doc, scene, trees, before, &found, options),
+    };
+    (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
+}
+
+/// Whether a layout places a mesh that stands in for a copy, or pieces of one, rather than write it out.
+pub(super) fn are_placed(scene: &Scene, layout: &Layout) -> bool {
+    let is_copy = |i: InstanceId| scene.instances[i.0 as usize].stand_in.is_some();
+    layout.placements.iter().filter_map(|placement| placement.instance).any(is_copy)
+}
+
+/// The pass as it came out: where the input is left alone after all, or all copies are written out, it stays without.
+pub(super) fn as_written(pass: Pass, unchanged: bool, placed: bool) -> Pass {
+    let but = match (unchanged, placed) {
+        _ if !pass.applied => return pass,
+        (true, _) => "the input is left alone",
+        (false, false) => "what was chosen writes all of them out",
+        (false, true) => return pass,
+    };
+    Pass { applied: false, reason: format!("{}; but {but}", pass.reason), ..pass }
+}
+
+/// Predicted bytes of acceleration structures that `auto` must save to share at all.
+fn least_saved_bytes(before: &Metrics) -> u64 {
+    LEAST_SAVED_BYTES.max((LEAST_SAVED_RATIO * before.as_bytes() as f64).ceil() as u64)
+}
+
+fn apply(
+    doc: &Document,
+    scene: &mut Scene,
+    trees: &MeshTrees,
+    before: &Metrics,
+    found: &Copies,
+    options: &BakeOptions,
+) -> (Metrics, bool, String) {
+    let Part { shared, metrics, cost_of_all } = best_part(doc, scene, trees, before, found, options);
+    let looser =
+        |cost| format!("turned boxes are looser: predicted cost {cost:.2} against {:.2}", before.two_level_cost);
+    if let Some(cost) = cost_of_all.filter(|_| shared.list.is_empty()) {
+        return (before.clone(), false, format!("{}, but {}", words(&found.list), looser(cost)));
+    }
+    let saved = before.as_bytes().saturating_sub(metrics.as_bytes());
+    let mut reason = words(&shared.list);
+    let applied = options.copies != FindCopies::ByMethod || saved >= least_saved_bytes(before);
+    if applied {
+        let stored = bytes(stored_bytes(doc, scene, &shared));
+        reason += &format!(
+            "; sharing saves {stored} of stored geometry and {} of predicted acceleration structures",
+            bytes(saved)
+        );
+    } else {
+        copies::undo(scene);
+        reason += &format!(", but sharing them saves only {}", bytes(saved));
+    }
+    if let Some(cost) = cost_of_all {
+        let is_shared: BTreeSet<_> = shared.list.iter().map(|c| c.mesh).collect();
+        let left_out: Vec<CopiedMesh> = found.list.iter().filter(|c| !is_shared.contains(&c.mesh)).cloned().collect();
+        reason += &format!("; {}, left out: with them {}", words(&left_out), looser(cost));
+    }
+    (if applied { metrics } else { before.clone() }, applied, reason)
+}
+
+fn words(list: &[CopiedMesh]) -> String {
+    let models: BTreeSet<_> = list.iter().map(|c| c.model).collect();
+    match list.len() {
+        1 => "1 mesh is a copy of another".to_owned(),
+        copies => format!("{} are copies of {}", counted(copies, "mesh"), models.len()),
+    }
+}
+
+/// Copies that are shared in a scene.
+struct Part {
+    shared: Copies,
+    metrics: Metrics,
+    /// The predicted cost of sharing all there are, if that is too much.
+    cost_of_all: Option<f64>,
+}
+
+/// Shares all copies, or those whose boxes stay as tight and what looser ones [`MOST_COST_RATIO`] affords: the classes
+/// that save most bytes for what they cost. What is turned and not shared is still shared with what equals it exactly.
+fn best_part(
+    doc: &Document,
+    scene: &mut Scene,
+    trees: &MeshTrees,
+    before: &Metrics,
+    found: &Copies,
+    options: &BakeOptions,
+) -> Part {
+    let per = options.verify.build.blas_per;
+    let fits = |metrics: &Metrics| metrics.two_level_cost <= MOST_COST_RATIO * before.two_level_cost;
+    copies::apply(scene, found);
+    let all = measure_with(scene, trees, per);
+    if fits(&all) {
+        return Part { shared: found.clone(), metrics: all, cost_of_all: None };
+    }
+    let costs_with = turned::costs_of_instances(scene, trees, per);
+    copies::undo(scene);
+    let costs_without = turned::costs_of_instances(scene, trees, per);
+    let classes = turned::classes(scene, found, [&costs_without, &costs_with]);
+    let mut count = turned::affordable(&classes, (MOST_COST_RATIO - 1.0) * before.two_level_cost);
+    // What the TLAS makes of looser boxes is in no class's cost: fewer are tried where it takes the rest beyond the limit.
+    loop {
+        let shared = without(doc, scene, found, &classes[count..], options.verify.max_position_error_ratio);
+        copies::apply(scene, &shared);
+        let metrics = if shared.list.is_empty() { before.clone() } else { measure_with(scene, trees, per) };
+        if count == 0 || fits(&metrics) {
+            return Part { shared, metrics, cost_of_all: Some(all.two_level_cost) };
+        }
+        copies::undo(scene);
+        count /= FEWER;
+    }
+}
+
+/// The copies but for some turned ones, of which only the exact copies of one another stay.
+fn without(doc: &Document, scene: &Scene, found: &Copies, classes: &[Class], max_position_error_ratio: f64) -> Copies {
+    let models: BTreeSet<_> = classes.iter().map(|class| class.model).collect();
+    let is_left_out = |copy: &CopiedMesh| !copy.keeps_boxes() && models.contains(&copy.model);
+    let (left_out, mut list): (Vec<_>, Vec<_>) = found.list.iter().cloned().partition(is_left_out);
+    list.extend(copies::find_exact_among(doc, scene, &left_out, max_position_error_ratio).list);
+    list.sort_unstable_by_key(|copy| copy.mesh);
+    Copies { list, most_saved_bytes: None }
+}
+
+/// Bytes of the accessors that only the copies' meshes use.
+fn stored_bytes(doc: &Document, scene: &Scene, found: &Copies) -> u64 {
+    let copies: BTreeSet<u64> = found.list.iter().map(|c| u64::from(scene.meshes[c.mesh.0 as usize].source)).collect();
+    let (mut dropped, mut kept) = (BTreeSet::new(), BTreeSet::new());
+    for (mesh, number) in doc.json["meshes"].as_array().into_iter().flatten().zip(0..) {
+        let users = if copies.contains(&number) { &mut dropped } else { &mut kept };
+        for primitive in mesh["primitives"].as_array().into_iter().flatten() {
+            let attributes = primitive["attributes"].as_object().into_iter().flat_map(|a| a.values());
+            users.extend(attributes.chain(primitive.get("indices")).filter_map(Value::as_u64));
+        }
+    }
+    dropped.difference(&kept).map(|&accessor| accessor_bytes(&doc.json["accessors"][accessor as usize])).sum()
+}
+
+fn accessor_bytes(accessor: &Value) -> u64 {
+    let components = match accessor["type"].as_str() {
+        Some("SCALAR") => 1,
+        Some("VEC2") => 2,
+        Some("VEC3") => 3,
+        _ => 4,
+    };
+    let size = match accessor["componentType"].as_u64() {
+        Some(5120 | 5121) => 1,
+        Some(5122 | 5123) => 2,
+        _ => 4,
+    };
+    accessor["count"].as_u64().unwrap_or(0).saturating_mul(components * size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::methods::{self, Method};
+    use crate::scene::MeshId;
+    use crate::verify::test_scenes::{cube, scene};
+    use glam::DAffine3;
+
+    #[test]
+    fn sharing_that_is_written_out_again_is_not_applied() {
+        let pass = |applied| Pass { name: "find copies", applied, reason: "found".to_owned(), seconds: 0.0 };
+        let written = |applied, unchanged, placed| as_written(pass(applied), unchanged, placed).applied;
+        assert_eq!([written(true, false, true), written(true, false, false)], [true, false]);
+        assert_eq!([written(true, true, true), written(false, false, true)], [false, false]);
+        assert_eq!(as_written(pass(true), false, false).reason, "found; but what was chosen writes all of them out");
+        assert_eq!(as_written(pass(false), true, false).reason, "found");
+    }
+
+    #[test]
+    fn copies_are_placed_where_their_model_is() {
+        let mut scene = scene(vec![cube(0, None), cube(1, None)], &[0, 1].map(|mesh| (mesh, DAffine3::IDENTITY)));
+        let copy = CopiedMesh { mesh: MeshId(1), model: MeshId(0), motion: DAffine3::IDENTITY, order: None };
+        let placed =
+            |scene: &Scene, method| are_placed(scene, &methods::run(method, scene, &methods::Options::default()));
+        assert!(!placed(&scene, Method::Keep));
+        copies::apply(&mut scene, &Copies { list: vec![copy], most_saved_bytes: None });
+        assert!(placed(&scene, Method::Keep) && !placed(&scene, Method::Single));
+    }
+}

@@ -1,0 +1,324 @@
+//! The pipeline of a bake: read, analyse, choose, write, verify, keep the file, report.
+
+mod clock;
+mod copies;
+mod turned;
+
+use std::path::Path;
+use std::time::Instant;
+
+pub use clock::Stage;
+pub use copies::FindCopies;
+
+use raykiln_formats::document::{self, Staged};
+use raykiln_formats::{Document, Warning};
+
+use crate::choose::{self, Choice, ChooseOptions, Chosen};
+use crate::commands::measure::{measure_with, per_primitive_note};
+use crate::cost::mesh_trees::MeshTrees;
+use crate::emit::{self, Copied, Instancing};
+use crate::layout::Layout;
+use crate::report::{self, BakeReport, Input, Pass, Seconds, Speed, Told};
+use crate::scene::{self, LoadOptions, Scene};
+use crate::verify::verdict::{Verdict, verdict};
+use crate::verify::{DeviceError, Machine, Verification, VerifyOptions};
+use crate::words::counted;
+use clock::Clock;
+
+/// What a bake may be told.
+#[derive(Clone, Debug, Default)]
+pub struct BakeOptions {
+    /// How the layout is chosen.
+    pub choose: ChooseOptions,
+    /// Whether meshes that are copies of others become instances of them.
+    pub copies: FindCopies,
+    /// How the input is read.
+    pub load: LoadOptions,
+    /// Drop empty nodes nobody refers to.
+    pub prune: bool,
+    /// Write instances of one mesh as copies of one node where the largest position error allowed is kept.
+    pub copy_instances: bool,
+    /// How the output is verified.
+    pub verify: VerifyOptions,
+}
+
+impl BakeOptions {
+    /// How documents are made.
+    fn emit(&self) -> emit::Options {
+        let max_position_error_ratio = self.verify.max_position_error_ratio;
+        let instancing = match self.copy_instances {
+            true => Instancing::Extension { max_position_error_ratio },
+            false => Instancing::Nodes,
+        };
+        emit::Options { prune: self.prune, instancing }
+    }
+
+    /// What of it the report repeats.
+    fn told(&self) -> Told {
+        let (choose, layout, verify) = (&self.choose, &self.choose.layout, &self.verify);
+        let if_set = |asked: bool, forbidden: bool| match (asked, forbidden, choose.method) {
+            (false, false, Choice::Auto) => None,
+            _ => Some(asked && !forbidden),
+        };
+        Told {
+            effort: choose.effort.level(),
+            device_class: choose.class.name(),
+            weights: verify.weights.into(),
+            seed: verify.seed,
+            rays: verify.rays_per_kind,
+            repeats: verify.repeats,
+            max_position_error_ratio: verify.max_position_error_ratio,
+            max_bytes_ratio: choose.max_bytes_ratio(),
+            max_group_triangles: layout.max_group_triangles,
+            max_group_extent_ratio: layout.max_group_extent_ratio,
+            isolate: if_set(layout.isolate, choose.forbidden.isolate),
+            split_opacity: if_set(layout.split_opacity, choose.forbidden.split_opacity),
+            frames: layout.frames,
+            keep: self.load.keep.clone(),
+        }
+    }
+}
+
+/// Why a bake came to nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum BakeError {
+    /// The input cannot be read, or the output cannot be written.
+    #[error(transparent)]
+    File(#[from] raykiln_formats::Error),
+    /// The device named to verify on cannot do it.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// Raykiln made something it must not make.
+    #[error("internal error, please report it: {0}")]
+    Internal(String),
+}
+
+/// What a bake came to.
+#[derive(Debug)]
+pub struct Baked {
+    /// What was done, and what came of it.
+    pub report: BakeReport,
+    /// The output, not yet in place; none on a failed verification.
+    pub output: Option<Staged>,
+}
+
+/// Bakes `input` into what will be `output` once it is put in place. On a failed verification the report says so and there
+/// is no output.
+///
+/// # Errors
+/// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
+pub fn bake(
+    input: &Path,
+    output: &Path,
+    options: &BakeOptions,
+    progress: &mut dyn FnMut(Stage),
+) -> Result<Baked, BakeError> {
+    document::check_output(output)?;
+    let mut clock = Clock::start(progress);
+    clock.enter(Stage::Verify);
+    let machine = Machine::open(&options.verify.device)?;
+    clock.enter(Stage::Read);
+    let mut doc = raykiln_formats::read(input)?;
+    let (mut scene, scene_warnings) = scene::load(&doc, &options.load)?;
+    scene.check().map_err(|e| BakeError::Internal(e.0))?;
+
+    clock.enter(Stage::Analyse);
+    let blas_per = options.verify.build.blas_per;
+    let trees = MeshTrees::build(&scene);
+    let before = measure_with(&scene, &trees, blas_per);
+    clock.enter(Stage::Optimise);
+    let optimising = Instant::now();
+    let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
+    let chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
+    let seconds = optimising.elapsed().as_secs_f64();
+    let copies_are_placed = copies::are_placed(&scene, &chosen.layout);
+    let given = Given { doc: &mut doc, scene: &mut scene, trees: &trees };
+    let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
+    let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
+    clock.enter(Stage::Analyse);
+    let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
+    let copies = copies.map(|pass| copies::as_written(pass, written.unchanged, copies_are_placed));
+    let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
+    let method = chosen.report.with_written(&after, verification.position_error_ratio, seconds);
+    let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
+    let mut report = BakeReport {
+        schema: report::SCHEMA,
+        raykiln_version: env!("CARGO_PKG_VERSION"),
+        input: Input::of(input.to_owned(), &scene),
+        output: output.to_owned(),
+        verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class.name()),
+        options: options.told(),
+        blas_per,
+        before,
+        overall,
+        verdict,
+        method,
+        after,
+        passes: copies.into_iter().chain(chosen.passes).chain(written.passes).collect(),
+        notes: [chosen.layout.notes, written.notes, verification.notes.clone(), profiles].concat(),
+        verify: verification,
+        seconds: Seconds::default(),
+        peak_memory_bytes: None,
+        output_bytes: written.staged.bytes(),
+        copied: written.copied,
+        warnings: words(&[&scene_warnings, &doc.warnings, &written.staged.warnings]),
+    };
+    report.seconds = clock.stop();
+    report.peak_memory_bytes = clock::peak_memory_bytes();
+    let output = (report.verdict != Verdict::Failed).then_some(written.staged);
+    Ok(Baked { report, output })
+}
+
+fn words(warnings: &[&[Warning]]) -> Vec<String> {
+    warnings.concat().iter().map(ToString::to_string).collect()
+}
+
+/// The input.
+struct Given<'a> {
+    doc: &'a mut Document,
+    scene: &'a mut Scene,
+    /// The trees of its meshes.
+    trees: &'a MeshTrees,
+}
+
+/// A layout written, staged, and verified.
+struct Tried {
+    written: Written,
+    /// The scene that was read back.
+    after: Scene,
+    /// The trees of its meshes.
+    trees: MeshTrees,
+    verification: Verification,
+    verdict: Verdict,
+}
+
+impl Tried {
+    /// Tries a layout; the input as it is instead where the layout was measured to be faster and is not after all.
+    fn or_left_alone(
+        mut given: Given,
+        chosen: Chosen,
+        output: &Path,
+        machine: &Machine,
+        options: &BakeOptions,
+        clock: &mut Clock,
+    ) -> Result<(Chosen, Tried), BakeError> {
+        let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
+        if tried.verdict != Verdict::NotFaster || !can_be_left_alone(&chosen) {
+            return Ok((chosen, tried));
+        }
+        let chosen = chosen.left_alone(given.scene);
+        drop(tried);
+        let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
+        Ok((chosen, tried))
+    }
+
+    /// Writes a layout and holds it against the input as it was read, without meshes that stand in for copies.
+    fn new(
+        Given { doc, scene, trees }: &mut Given,
+        chosen: &Chosen,
+        output: &Path,
+        machine: &Machine,
+        options: &BakeOptions,
+        clock: &mut Clock,
+    ) -> Result<Tried, BakeError> {
+        clock.enter(Stage::Write);
+        let written = write(doc, scene, &chosen.layout, output, &options.emit())?;
+        crate::copies::undo(scene);
+        if !can_be_left_alone(chosen) {
+            // Nothing is written again; the scene has all that rays need.
+            doc.buffers.clear();
+        }
+        clock.enter(Stage::Verify);
+        let after = read_back(&written, output)?;
+        let after_trees = trees.build_for(scene, &after, &chosen.trees);
+        let verification = machine.verify_with([scene, &after], [trees, &after_trees], &options.verify)?;
+        let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
+        Ok(Tried { written, after, trees: after_trees, verification, verdict })
+    }
+}
+
+/// Whether the input may be written instead of a layout, once that is verified.
+fn can_be_left_alone(chosen: &Chosen) -> bool {
+    chosen.may_be_left_alone && !emit::is_unchanged(&chosen.layout)
+}
+
+struct Written {
+    staged: Staged,
+    /// Whether the output is the input.
+    unchanged: bool,
+    /// What became copies of one node; `None` where that was not asked for.
+    copied: Option<Copied>,
+    passes: Vec<Pass>,
+    notes: Vec<String>,
+}
+
+/// Writes the output, staged; byte for byte the input where nothing changes.
+fn write(
+    doc: &Document,
+    scene: &Scene,
+    layout: &Layout,
+    output: &Path,
+    options: &emit::Options,
+) -> Result<Written, raykiln_formats::Error> {
+    let start = Instant::now();
+    let regrouped = !emit::is_input(scene, layout);
+    let as_copies = options.instancing != Instancing::Nodes;
+    let emitted = (regrouped || options.prune || as_copies).then(|| emit::emit(doc, scene, layout, options));
+    let (pruned, copied) = emitted.as_ref().map_or((0, Copied::default()), |e| (e.pruned_nodes, e.copied));
+    let mut passes = Vec::new();
+    let mut pass = |name: &'static str, applied: bool, reason: String| {
+        passes.push(Pass { name, applied, reason, seconds: start.elapsed().as_secs_f64() });
+    };
+    let mut notes = Vec::new();
+    if as_copies {
+        notes.push(words_of_copies(&copied));
+        pass("instancing extension", copied.nodes > 0, words_of_copies(&copied));
+    }
+    if options.prune {
+        let reason = match pruned {
+            0 => "every node shows something or is referred to".to_owned(),
+            1 => "1 node showed nothing and nothing referred to it".to_owned(),
+            n => format!("{} showed nothing and nothing referred to them", counted(n, "node")),
+        };
+        pass("prune", pruned > 0, reason);
+    }
+    let copied_if_asked = as_copies.then_some(copied);
+    match emitted.filter(|_| regrouped || pruned > 0 || copied.nodes > 0) {
+        Some(e) => {
+            let staged = e.document.stage(output)?;
+            Ok(Written { staged, unchanged: false, copied: copied_if_asked, passes, notes: [notes, e.notes].concat() })
+        }
+        None => {
+            let staged = doc.stage_unchanged(output)?;
+            Ok(Written { staged, unchanged: true, copied: copied_if_asked, passes, notes })
+        }
+    }
+}
+
+fn words_of_copies(copied: &Copied) -> String {
+    let Copied { nodes, copies, stay } = *copied;
+    let stay = match stay {
+        0 => String::new(),
+        1 => "; 1 stays a node, as no translation, rotation and scale come close enough to its transform".to_owned(),
+        n => format!("; {n} stay nodes, as no translation, rotation and scale come close enough to their transforms"),
+    };
+    match nodes {
+        0 => format!("no two instances of one mesh can become copies of one node{stay}"),
+        _ => format!(
+            "{} are copies of {}: {} fewer place a mesh{stay}",
+            counted(copies, "instance"),
+            counted(nodes, "node"),
+            counted(copies - nodes, "node")
+        ),
+    }
+}
+
+/// Reads the staged file back.
+fn read_back(written: &Written, output: &Path) -> Result<Scene, raykiln_formats::Error> {
+    let staged = written.staged.path();
+    let (mut after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
+    if let (Some(hidden), Some(folder)) = (staged.parent(), output.parent()) {
+        after.also_look_for_images(hidden, folder);
+    }
+    Ok(after)
+}

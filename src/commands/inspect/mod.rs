@@ -1,0 +1,90 @@
+//! What a scene is made of, what it costs, and which vendor rules it breaks.
+
+mod rules;
+
+use std::path::Path;
+
+use crate::commands::measure::measure_as_is;
+use crate::cost::overlap::{self, Pair};
+use crate::report::{self, Input, InspectReport, OverlappingPair};
+use crate::scene::{self, Bounds, Instance, LoadOptions, Scene};
+
+/// Pairs that are listed.
+const WORST: usize = 10;
+
+/// Looks at a file without changing it.
+///
+/// # Errors
+/// An input that cannot be read.
+pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, raykiln_formats::Error> {
+    let doc = raykiln_formats::read(path)?;
+    let (scene, warnings) = scene::load(&doc, options)?;
+    let boxes = scene.instance_boxes();
+    let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+    let worst_pairs: Vec<OverlappingPair> =
+        worst_pairs(&boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
+    Ok(InspectReport {
+        schema: report::SCHEMA,
+        raykiln_version: env!("CARGO_PKG_VERSION"),
+        input: Input::of(path.to_owned(), &scene),
+        before: measure_as_is(&scene),
+        rules_checked: rules::CHECKED.to_vec(),
+        findings: rules::findings(&scene, &boxes, &all, &worst_pairs),
+        worst_pairs,
+        warnings: doc.warnings.iter().chain(&warnings).map(ToString::to_string).collect(),
+    })
+}
+
+/// The pairs with the largest intersections, worst first. The threshold falls until enough pairs are above it, so
+/// that a crowded scene's millions of small overlaps are never listed.
+fn worst_pairs(boxes: &[Bounds], scene_area: f64) -> Vec<Pair> {
+    let mut pairs = Vec::new();
+    for least in [0.1, 0.01, 0.001, 0.0] {
+        pairs = overlap::pairs(boxes, least * scene_area);
+        if pairs.len() >= WORST {
+            break;
+        }
+    }
+    pairs.sort_by(|x, y| y.area.total_cmp(&x.area).then((x.a, x.b).cmp(&(y.a, y.b))));
+    pairs.truncate(WORST);
+    pairs
+}
+
+fn named(scene: &Scene, pair: &Pair, scene_area: f64) -> OverlappingPair {
+    let name = |i: u32| name_of(&scene.instances[i as usize]);
+    OverlappingPair { a: name(pair.a), b: name(pair.b), overlap_ratio: pair.area / scene_area }
+}
+
+/// A name for people: the node's, or its number.
+fn name_of(instance: &Instance) -> String {
+    let copy = if instance.copy > 0 { format!(" copy {}", instance.copy) } else { String::new() };
+    match instance.name.as_str() {
+        "" => format!("node {}{copy}", instance.node),
+        name => format!("{name}{copy}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn cube(at: f64, size: f64) -> Bounds {
+        Bounds { min: DVec3::splat(at), max: DVec3::splat(at + size) }
+    }
+
+    #[test]
+    fn the_worst_pair_comes_first_and_the_list_is_short() {
+        let mut boxes: Vec<Bounds> = (0..40).map(|i| cube(f64::from(i), 1.1)).collect();
+        boxes.push(cube(20.0, 3.0));
+        let pairs = worst_pairs(&boxes, cube(0.0, 41.0).area());
+        assert_eq!(pairs.len(), WORST);
+        assert_eq!(pairs[0].b, 40);
+        assert!(pairs.is_sorted_by(|x, y| x.area >= y.area));
+    }
+
+    #[test]
+    fn a_lone_box_overlaps_nothing() {
+        assert!(worst_pairs(&[cube(0.0, 1.0)], 6.0).is_empty());
+    }
+}

@@ -1,0 +1,40 @@
+//! The metrics of scenes as they stand.
+
+use crate::cost::mesh_trees::MeshTrees;
+use crate::cost::{self, Metrics};
+use crate::layout::{self, BlasPer};
+use crate::methods::{self, Method};
+use crate::scene::Scene;
+
+/// The metrics of a scene as it stands, with one BLAS a mesh.
+pub(super) fn measure_as_is(scene: &Scene) -> Metrics {
+    measure_as_built(scene, BlasPer::Mesh)
+}
+
+/// The metrics of a scene as it stands and as its consumer builds it.
+pub(super) fn measure_as_built(scene: &Scene, per: BlasPer) -> Metrics {
+    measure_with(scene, &MeshTrees::default(), per)
+}
+
+/// As [`measure_as_built`], where trees of the scene's meshes are known.
+pub(crate) fn measure_with(scene: &Scene, trees: &MeshTrees, per: BlasPer) -> Metrics {
+    let layout = methods::run(Method::Keep, scene, &methods::Options::default());
+    cost::measure_with(scene, &layout::as_built(scene, &layout, per), trees)
+}
+
+/// Where metrics are those of one BLAS a primitive, what the two scenes would cost with one a mesh.
+pub(crate) fn per_primitive_note(per: BlasPer, scenes: [&Scene; 2], metrics: [&Metrics; 2]) -> Vec<String> {
+    if per == BlasPer::Mesh {
+        return Vec::new();
+    }
+    let of_meshes = scenes.map(measure_as_is);
+    let costs = |m: [&Metrics; 2]| {
+        let [before, after] = m.map(|m| format!("{:.2} in {} BLASes", m.two_level_cost, m.mesh_groups));
+        format!("{before} before, {after} after")
+    };
+    vec![format!(
+        "built as one BLAS a primitive, the two-level cost is {}; as one BLAS a mesh, {}",
+        costs(metrics),
+        costs([&of_meshes[0], &of_meshes[1]])
+    )]
+}

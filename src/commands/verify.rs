@@ -1,0 +1,109 @@
+//! Two files of one scene, compared: an output against its input, whoever wrote it.
+
+use std::path::Path;
+use std::time::Instant;
+
+use crate::commands::bake::BakeError;
+use crate::commands::measure::{measure_with, per_primitive_note};
+use crate::cost::mesh_trees::MeshTrees;
+use crate::report::{self, Input, Speed, VerifyReport};
+use crate::scene::{self, LoadOptions, Scene};
+use crate::verify::identity::Identity;
+use crate::verify::verdict;
+use crate::verify::{Machine, Matching, Verification, VerifyOptions};
+
+/// How to match the triangles of two files.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MatchBy {
+    /// By identity where the file to verify says where its triangles come from and at least half of them lead to
+    /// triangles of the other file; else by surface.
+    #[default]
+    Auto,
+    /// As told, whatever the files say.
+    Always(Matching),
+}
+
+/// Verifies the file `after` against the file `before`; `by` overrides what the options say about matching.
+///
+/// # Errors
+/// A file that cannot be read; a device named that cannot trace.
+pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions) -> Result<VerifyReport, BakeError> {
+    let start = Instant::now();
+    let machine = Machine::open(&options.device)?;
+    let (scene_before, warnings_before) = read(before)?;
+    let (scene_after, warnings_after) = read(after)?;
+    let matching = by.choose(&scene_before, &scene_after);
+    let options = VerifyOptions { matching, ..options.clone() };
+    let trees_before = MeshTrees::build(&scene_before);
+    let trees_after = trees_before.build_for(&scene_before, &scene_after, &[]);
+    let scenes = [&scene_before, &scene_after];
+    let verification = machine.verify_with(scenes, [&trees_before, &trees_after], &options)?;
+    let blas_per = options.build.blas_per;
+    let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
+    let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
+    let profiles = per_primitive_note(blas_per, scenes, [&metrics_before, &metrics_after]);
+    let about_matching = note(by, matching, &scene_after, &verification);
+    let notes = verification.notes.iter().cloned().chain(about_matching).chain(profiles).collect();
+    Ok(VerifyReport {
+        schema: report::SCHEMA,
+        raykiln_version: env!("CARGO_PKG_VERSION"),
+        input: Input::of(before.to_owned(), &scene_before),
+        output: after.to_owned(),
+        blas_per,
+        before: metrics_before,
+        after: metrics_after,
+        matched_by: match matching {
+            Matching::Identity => "identity",
+            Matching::Surface => "surface",
+        },
+        verdict: verdict::verdict(&verification, &options.weights, false),
+        overall: Speed::of(&verification, &options.weights, machine.name().1),
+        notes,
+        verify: verification,
+        seconds: start.elapsed().as_secs_f64(),
+        warnings: [warnings_before, warnings_after].concat(),
+    })
+}
+
+/// A file as a scene, and what the reader mended or left out.
+pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), BakeError> {
+    let doc = raykiln_formats::read(path)?;
+    let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
+    scene.check().map_err(|e| BakeError::Internal(e.0))?;
+    let words = doc.warnings.iter().chain(&warnings).map(|w| format!("{}: {w}", path.display())).collect();
+    Ok((scene, words))
+}
+
+impl MatchBy {
+    fn choose(self, before: &Scene, after: &Scene) -> Matching {
+        match self {
+            MatchBy::Always(matching) => matching,
+            MatchBy::Auto if !names_its_sources(after) => Matching::Surface,
+            MatchBy::Auto => match 2 * Identity::new(before, after).known() >= after.triangles_placed() {
+                true => Matching::Identity,
+                false => Matching::Surface,
+            },
+        }
+    }
+}
+
+fn names_its_sources(scene: &Scene) -> bool {
+    scene.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some())
+}
+
+/// What to say about a choice that the user may want to make otherwise.
+fn note(by: MatchBy, chosen: Matching, after: &Scene, found: &Verification) -> Option<String> {
+    match (by, chosen) {
+        (MatchBy::Auto, Matching::Surface) if names_its_sources(after) => Some(
+            "most of what the output says about where its triangles come from is not about this input: surfaces are \
+             compared"
+                .into(),
+        ),
+        (MatchBy::Auto, Matching::Identity) if found.structure.as_ref().is_some_and(|s| !s.is_clean()) => Some(
+            "triangles are matched by what the output says about where they come from; if another tool changed it \
+             since, `--match surface` compares what rays see"
+                .into(),
+        ),
+        _ => None,
+    }
+}

@@ -1,0 +1,176 @@
+//! What is known of the nodes of a tree before anything is decided.
+
+use rayon::prelude::*;
+
+use super::TLAS_NODES;
+use super::refit::Refit;
+use super::soup::{Soup, Turned, tightest};
+use crate::cost::sah::{INTERSECTION, TRAVERSAL};
+use crate::methods::frames::{self, Search};
+use crate::scene::Bounds;
+use crate::tree::Tree;
+
+/// Larger parts do not get a frame of their own: trying frames takes time for every level of the tree.
+const MOST_TURNED: u32 = 1 << 16;
+
+/// Smaller parts do not get one either.
+const FEWEST_TURNED: u32 = 8;
+
+/// The boxes of a part's triangles must be this many times as large as they need be for another frame to be tried.
+const LOOSE: f64 = 1.25;
+
+/// Triangles that tell whether a frame fits.
+const SAMPLE: usize = 48;
+
+/// A frame fits if it takes less than this share of the area of the sample's boxes.
+const TIGHTER: f64 = 0.85;
+
+/// Areas and costs of a node in squared units.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facts {
+    pub(super) triangles: u32,
+    /// Surface area of its box in the frame of the tree.
+    pub(super) area: f64,
+    /// Surface area of the world box of that box: what a ray meets where the node is a group.
+    pub(super) loose: f64,
+    /// Surface area of its box in the world.
+    pub(super) world_area: f64,
+    /// Longest side of its box in the world.
+    pub(super) extent: f64,
+    /// The cost of all of it within a group.
+    pub(super) inside: f64,
+    /// Surface area of its triangles' boxes over that of the tightest boxes there are.
+    looseness: f64,
+}
+
+/// A frame of its own for a part of a tree.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Own {
+    pub(super) frame: Turned,
+    /// The cost of the part in that frame.
+    pub(super) inside: f64,
+    /// Surface area of the world box of its box.
+    pub(super) loose: f64,
+}
+
+/// For every node of a tree a frame of its own, where there is one: few nodes have one.
+pub(super) type OwnFrames = Vec<Option<Box<Own>>>;
+
+/// What is summed up and joined from the bottom up.
+#[derive(Clone, Copy)]
+struct Sums {
+    triangles: u32,
+    bounds: Bounds,
+    world: Bounds,
+    inside: f64,
+    boxes: f64,
+    tightest: f64,
+}
+
+/// The facts of every node of a tree whose boxes are those of `base`.
+pub(super) fn facts(soup: &Soup, tree: &Tree, base: &Turned) -> Vec<Facts> {
+    let leaf = |items: &[u32]| {
+        let all = items.iter().map(|&t| Sums::of(soup, base, t)).fold(Sums::NOTHING, |a, b| a.with(&b));
+        Sums { inside: INTERSECTION * f64::from(all.triangles) * all.bounds.area(), ..all }
+    };
+    let join = |a: &Sums, b: &Sums| {
+        let all = a.with(b);
+        Sums { inside: TRAVERSAL * all.bounds.area() + all.inside, ..all }
+    };
+    tree.refit(leaf, join).iter().map(|sums| sums.facts(base)).collect()
+}
+
+impl Sums {
+    const NOTHING: Sums =
+        Sums { triangles: 0, bounds: Bounds::EMPTY, world: Bounds::EMPTY, inside: 0.0, boxes: 0.0, tightest: 0.0 };
+
+    fn of(soup: &Soup, base: &Turned, triangle: u32) -> Sums {
+        let bounds = soup.bounds_in(base, triangle);
+        let world = if *base == Turned::NOT { bounds } else { soup.bounds_in(&Turned::NOT, triangle) };
+        Sums {
+            triangles: 1,
+            bounds,
+            world,
+            inside: 0.0,
+            boxes: bounds.area(),
+            tightest: tightest(soup.corners(triangle)),
+        }
+    }
+
+    fn with(&self, other: &Sums) -> Sums {
+        Sums {
+            triangles: self.triangles + other.triangles,
+            bounds: self.bounds.union(&other.bounds),
+            world: self.world.union(&other.world),
+            inside: self.inside + other.inside,
+            boxes: self.boxes + other.boxes,
+            tightest: self.tightest + other.tightest,
+        }
+    }
+
+    fn facts(&self, base: &Turned) -> Facts {
+        Facts {
+            triangles: self.triangles,
+            area: self.bounds.area(),
+            loose: if *base == Turned::NOT { self.bounds.area() } else { base.out(&self.bounds).area() },
+            world_area: self.world.area(),
+            extent: self.world.size().max_element(),
+            inside: self.inside,
+            looseness: if self.tightest > 0.0 { self.boxes / self.tightest } else { 1.0 },
+        }
+    }
+}
+
+impl Facts {
+    /// Whether a frame of its own could pay: a world box of a turned box is never smaller than that of the triangles
+    /// themselves, so that entering it costs at least so much.
+    fn could_be_turned(&self, by: &Turning) -> bool {
+        (by.fewest.max(FEWEST_TURNED)..=MOST_TURNED).contains(&self.triangles)
+            && self.looseness > LOOSE
+            && self.inside > (by.least_entry + TLAS_NODES * TRAVERSAL) * self.world_area
+    }
+}
+
+/// Which parts may get a frame of their own.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turning {
+    /// Those of at least so many triangles.
+    pub(super) fewest: u32,
+    /// Those that could pay at this entry cost.
+    pub(super) least_entry: f64,
+}
+
+/// For every node that may get one the best frame of its own, where one fits clearly better than that of the tree.
+/// `known` tells what is known of a node already.
+pub(super) fn own_frames(
+    soup: &Soup,
+    tree: &Tree,
+    facts: &[Facts],
+    base: &Turned,
+    by: &Turning,
+    known: impl Fn(usize) -> Option<Option<Own>> + Sync,
+) -> OwnFrames {
+    let find = |refit: &mut Refit, node: usize| {
+        facts[node].could_be_turned(by).then(|| own_frame(soup, tree, node as u32, base, refit)).flatten()
+    };
+    let try_node = |refit: &mut Refit, node: usize| known(node).unwrap_or_else(|| find(refit, node)).map(Box::new);
+    (0..tree.nodes.len()).into_par_iter().with_max_len(64).map_init(Refit::default, try_node).collect()
+}
+
+fn own_frame(soup: &Soup, tree: &Tree, node: u32, base: &Turned, refit: &mut Refit) -> Option<Own> {
+    let items = &tree.order[tree.items_below(node)];
+    let tried = fitting_frames(soup, items, base).map(|frame| {
+        let fitted = refit.part(tree, node, |t| soup.bounds_in(&frame, t));
+        Own { frame, inside: fitted.cost, loose: frame.out(&fitted.bounds).area() }
+    });
+    tried.reduce(|a, b| if b.inside < a.inside { b } else { a })
+}
+
+/// Frames made of some triangles that make the boxes of a sample of them clearly smaller: a tree takes longer to tell.
+pub(super) fn fitting_frames<'a>(soup: &'a Soup, items: &'a [u32], than: &Turned) -> impl Iterator<Item = Turned> + 'a {
+    let rotations = frames::rotations(items.iter(), |&t| soup.corners(t), Search::GROUP);
+    let sample = || items.iter().step_by(items.len().div_ceil(SAMPLE).max(1));
+    let area = move |frame: &Turned| sample().map(|&t| soup.bounds_in(frame, t).area()).sum::<f64>();
+    let most = TIGHTER * area(than);
+    rotations.into_iter().map(Turned::by).filter(move |frame| area(frame) < most)
+}

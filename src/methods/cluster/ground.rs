@@ -1,0 +1,210 @@
+//! What all cuts of the same triangles have in common.
+
+use std::cell::{OnceCell, RefCell};
+use std::rc::Rc;
+use std::sync::Arc;
+
+use super::dynamic_programming::{self, Group, Known};
+use super::facts::{self, Facts, OwnFrames, Turning};
+use super::met::Met;
+use super::refit::Refit;
+use super::search;
+use super::soup::{Soup, Turned};
+use super::units::{self, Unit};
+use super::{Limits, PROHIBITIVE, WORTH_TURNING};
+use crate::cost::segments::Segment;
+use crate::layout::PlacedTrees;
+use crate::layout::builder::Object;
+use crate::methods::Options;
+use crate::methods::frames::{self, Search};
+use crate::scene::Scene;
+use crate::tree::{Quality, Tree};
+
+/// Triangles, their tree in the frame that fits all of them best, and the frames that parts of it would rather have.
+pub(super) struct Ground {
+    pub(super) soup: Soup,
+    base: Turned,
+    tree: Tree,
+    /// The tree along the axes of the world, where `base` is another frame.
+    along: Option<Tree>,
+    facts: Vec<Facts>,
+    /// Whether parts may get frames of their own.
+    turns: bool,
+    turning: Turning,
+    /// Found when it is needed first.
+    parts: OnceCell<Parts>,
+    /// By the rays that were asked for last.
+    rays: RefCell<Option<ByRays>>,
+}
+
+/// What is known of the tree by rays.
+#[derive(Clone)]
+struct ByRays {
+    segments: Arc<[Segment]>,
+    facts: Rc<[Facts]>,
+    parts: Option<Rc<Parts>>,
+}
+
+/// What may leave.
+struct Parts {
+    own: OwnFrames,
+    units: Vec<Unit>,
+}
+
+/// Triangles that tell whether a frame may fit all.
+const SAMPLE: usize = 1 << 14;
+
+impl Ground {
+    /// Of the triangles of some objects, to be cut at `least_entry` or more; `None` where one of them has a box that no tree
+    /// can hold.
+    pub(super) fn new(scene: &Scene, objects: &[Object], options: &Options, least_entry: f64) -> Option<Ground> {
+        let soup = Soup::new(scene, objects);
+        let tree_in =
+            |frame: &Turned| Tree::build_from(soup.len(), Quality::Medium, &|triangle| soup.bounds_in(frame, triangle));
+        let tree = tree_in(&Turned::NOT);
+        if tree.order.len() < soup.len() || tree.nodes.is_empty() {
+            return None;
+        }
+        let base = if options.frames { best_frame(&soup, &tree) } else { Turned::NOT };
+        let (tree, along) = if base == Turned::NOT { (tree, None) } else { (tree_in(&base), Some(tree)) };
+        let facts = facts::facts(&soup, &tree, &base);
+        Some(Ground {
+            soup,
+            base,
+            tree,
+            along,
+            facts,
+            turns: options.frames,
+            turning: Turning { fewest: options.min_turned_triangles, least_entry },
+            parts: OnceCell::new(),
+            rays: RefCell::default(),
+        })
+    }
+
+    /// The box around all triangles.
+    pub(super) fn extent(&self) -> f64 {
+        self.facts.first().map_or(0.0, |root| root.extent)
+    }
+
+    /// Its trees, for others that need them.
+    pub(super) fn into_trees(self) -> PlacedTrees {
+        let along = self.along.map(|tree| (Turned::NOT.rotation, tree));
+        PlacedTrees::new(self.soup.refs, along.into_iter().chain([(self.base.rotation, self.tree)]).collect())
+    }
+
+    /// What may leave; `None` where nothing may.
+    fn parts(&self) -> Option<&Parts> {
+        let find = || Parts {
+            own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base, &self.turning, |_| None),
+            units: units::units(&self.soup, &self.tree, &self.facts, &self.base),
+        };
+        self.turns.then(|| self.parts.get_or_init(find))
+    }
+
+    /// The groups of least cost: of the tree as it is, or of what the units leave of it. Costs are by what `segments` of
+    /// rays meet, where there are any.
+    pub(super) fn cut(&self, limits: &Limits, segments: Option<&Arc<[Segment]>>) -> Vec<Group> {
+        let triangles = self.facts.first().map_or(0, |root| root.triangles);
+        if limits.entry_cost >= PROHIBITIVE && limits.allow(triangles, self.extent()) {
+            return vec![Group { items: self.tree.order.clone(), frame: self.base }];
+        }
+        let by_rays = segments.map(|segments| self.by_rays(segments));
+        let (facts, parts) = match &by_rays {
+            Some(rays) => (&*rays.facts, rays.parts.as_deref()),
+            None => (self.facts.as_slice(), self.parts()),
+        };
+        let none = if parts.is_none() { vec![None; facts.len()] } else { Vec::new() };
+        let own = parts.map_or(&none, |parts| &parts.own);
+        let known = Known { tree: &self.tree, facts, own, base: self.base };
+        let (groups, cost) = dynamic_programming::cut(&known, limits);
+        let peeled = limits.max_extent.is_infinite().then(|| dynamic_programming::peel(&known, limits)).flatten();
+        let segments = segments.map_or(&[][..], |segments| segments);
+        let without_units =
+            parts.filter(|_| limits.units).and_then(|parts| self.cut_without_units(&parts.units, limits, segments));
+        let others = [without_units, peeled];
+        let all = others.into_iter().flatten();
+        let (groups, _) = all.fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best });
+        let groups = if limits.search { search::improve(&self.soup, groups, limits) } else { groups };
+        in_bounds(groups, limits.max_triangles.max(1) as usize)
+    }
+
+    /// What is known of the tree, by rays.
+    fn by_rays(&self, segments: &Arc<[Segment]>) -> ByRays {
+        let last = self.rays.take().filter(|last| Arc::ptr_eq(&last.segments, segments));
+        let found = last.unwrap_or_else(|| {
+            let met = Met::new(&self.soup, &self.tree, &self.facts, &self.base, segments);
+            let parts = self.parts().map(|parts| {
+                let shares = units::shares(&self.soup, &self.tree, met.facts());
+                let units = met.units(&parts.units, &shares, &self.soup, segments);
+                Rc::new(Parts { own: met.own(&parts.own), units })
+            });
+            ByRays { segments: segments.clone(), facts: met.into_facts().into(), parts }
+        });
+        self.rays.replace(Some(found.clone()));
+        found
+    }
+
+    /// The groups where every unit leaves that costs less so, and their cost; `None` where none does.
+    fn cut_without_units(&self, units: &[Unit], limits: &Limits, segments: &[Segment]) -> Option<(Vec<Group>, f64)> {
+        let price = |unit: &Unit| limits.leaving_cost() * unit.own.loose + unit.own.inside;
+        let is_large = |unit: &Unit| unit.items.len() >= limits.min_turned as usize;
+        let is_allowed = |unit: &Unit| is_large(unit) && limits.allow(unit.items.len() as u32, unit.extent());
+        let leaving: Vec<&Unit> = units.iter().filter(|u| is_allowed(u) && price(u) < u.share).collect();
+        let mut stays = vec![true; self.soup.len()];
+        leaving.iter().flat_map(|unit| &unit.items).for_each(|&t| stays[t as usize] = false);
+        let mut groups: Vec<Group> =
+            leaving.iter().map(|unit| Group { items: unit.items.clone(), frame: unit.own.frame }).collect();
+        let mut cost: f64 = leaving.iter().map(|unit| price(unit)).sum();
+        if groups.is_empty() {
+            return None;
+        }
+        if stays.contains(&true) {
+            let (others, of_rest) = self.cut_rest(&stays, limits, segments);
+            groups.splice(0..0, others);
+            cost += of_rest;
+        }
+        Some((groups, cost))
+    }
+
+    /// The groups of what stays of the tree. Nothing is found again for nodes that lost nothing.
+    fn cut_rest(&self, stays: &[bool], limits: &Limits, segments: &[Segment]) -> (Vec<Group>, f64) {
+        let (tree, known) = self.tree.retaining(|triangle| stays[triangle as usize]);
+        let mut facts = facts::facts(&self.soup, &tree, &self.base);
+        let own = self.parts().map_or(&[][..], |parts| &parts.own);
+        let known = |node: usize| known[node].map(|node| own[node as usize].as_deref().copied());
+        let mut own = facts::own_frames(&self.soup, &tree, &facts, &self.base, &self.turning, known);
+        if !segments.is_empty() {
+            let met = Met::new(&self.soup, &tree, &facts, &self.base, segments);
+            own = met.own(&own);
+            facts = met.into_facts();
+        }
+        dynamic_programming::cut(&Known { tree: &tree, facts: &facts, own: &own, base: self.base }, limits)
+    }
+}
+
+/// Groups of at most so many triangles: what was not divided because it is a leaf of the tree is divided in tree order.
+fn in_bounds(groups: Vec<Group>, most: usize) -> Vec<Group> {
+    let divided = |group: Group| match group.items.len() <= most {
+        true => vec![group],
+        false => group.items.chunks(most).map(|items| Group { items: items.to_vec(), frame: group.frame }).collect(),
+    };
+    groups.into_iter().flat_map(divided).collect()
+}
+
+/// The frame in which a tree over all triangles, refitted, costs least; the world's unless another is clearly better.
+fn best_frame(soup: &Soup, tree: &Tree) -> Turned {
+    let mut refit = Refit::default();
+    let mut cost = |frame: &Turned| refit.part(tree, 0, |t| soup.bounds_in(frame, t)).cost;
+    let rotations = frames::rotations(0..soup.len() as u32, |t| soup.corners(t), Search::SCENE);
+    // Where the boxes of triangles are not smaller, a tree of them hardly costs less.
+    let sample = || (0..soup.len() as u32).step_by(soup.len().div_ceil(SAMPLE).max(1));
+    let area = |frame: &Turned| sample().map(|t| soup.bounds_in(frame, t).area()).sum::<f64>();
+    let most = area(&Turned::NOT);
+    let fitting: Vec<Turned> = rotations.into_iter().map(Turned::by).filter(|frame| area(frame) < most).collect();
+    if fitting.is_empty() {
+        return Turned::NOT;
+    }
+    let world = WORTH_TURNING * cost(&Turned::NOT);
+    let tried = fitting.into_iter().map(|frame| (cost(&frame), frame));
+    tried.fold((world, Turned::NOT), |best, tried| if tried.0 < best.0 { tried } else { best }).1
+}

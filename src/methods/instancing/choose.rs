@@ -1,0 +1,283 @@
+//! Keep, open or bake: for every mesh that several instances place, what gains most for the bytes that are allowed.
+//!
+//! Every way to treat a mesh has predicted bytes and a predicted cost, counted on sampled rays ([`super::tally`]); the ways
+//! worth having lie on the convex hull of cost over bytes. Steps along all hulls are taken in the order of what they
+//! gain a byte until the bytes are used up, as G. B. Dantzig, "Discrete-Variable Extremum Problems", Operations Research
+//! 5(2), 1957, fills a knapsack (with the choice of one item of each class: P. Sinha, A. A. Zoltners, "The
+//! Multiple-Choice Knapsack Problem", Operations Research 27(3), 1979). What is left of the bytes goes to the meshes
+//! whose next step did not fit.
+
+use std::iter::repeat_n;
+
+use super::cut::Cuts;
+use super::pieces::{self, Piece};
+use super::plan::{Mesh, Plan, gain_a_byte, hull};
+use super::tally::Counted;
+use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
+use crate::cost::overlap;
+use crate::cost::segments::{self, Boxed, Segment};
+use crate::layout::Layout;
+use crate::layout::builder::Part;
+use crate::methods::Options;
+use crate::scene::{InstanceId, MeshId, Scene};
+use crate::tree::Quality;
+use rayon::prelude::*;
+
+/// Meshes of fewer triangles are not opened.
+const FEWEST_TRIANGLES: usize = 64;
+
+/// Boxes of pieces looked at, in all and for one mesh at most.
+const MOST_BOXES: usize = 1 << 21;
+const MOST_BOXES_A_MESH: usize = 1 << 18;
+
+/// A change must save more than this share of what the mesh costs, unless the number of pieces is given: then any saving
+/// will do.
+const WORTH_A_CHANGE: f64 = 0.05;
+
+/// Segments that must enter instances of a mesh for a prediction to mean anything.
+const FEWEST_MET: usize = 32;
+
+/// Segments sampled: at least, for each shared mesh, at most.
+const SEGMENTS: usize = 4096;
+const SEGMENTS_A_MESH: usize = 64;
+const MOST_SEGMENTS: usize = 1 << 16;
+
+/// Boxes of which less than this share overlaps are apart.
+const APART: f64 = 1e-3;
+
+/// Instances that a layout may come to by opening: a quarter of what devices take at least (2^24 - 1).
+const MOST_PLACEMENTS: u64 = 1 << 22;
+
+/// Rounds after which no mesh is treated, if the method always needs more bytes than predicted.
+const MOST_ROUNDS: usize = 4;
+
+/// Runs a method on the instances chosen to be baked.
+pub(super) fn run(scene: &Scene, options: &Options, method: impl Fn(&Selection) -> Layout) -> Layout {
+    let candidates = Candidates::of(scene, options);
+    let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
+    let mut allowed = most_bytes - placed_bytes(scene) as f64;
+    for round in 0.. {
+        let plans = if round < MOST_ROUNDS { candidates.choose(allowed) } else { candidates.keep_all() };
+        let mut layout = method(&candidates.select(scene, &plans));
+        let excess = layout.as_bytes(scene) as f64 - most_bytes;
+        // NaN is no excess: a limit that is no number allows what the input takes.
+        let exceeds = excess > 0.0;
+        if !exceeds || plans.iter().all(Plan::keeps) {
+            layout.notes.extend(candidates.notes(scene, &plans, allowed));
+            return layout;
+        }
+        let used: f64 = plans.iter().zip(&candidates.meshes).map(|(p, m)| p.bytes - m.plans[0].bytes).sum();
+        allowed = allowed.min(used) - excess;
+    }
+    unreachable!("the last round keeps every instance")
+}
+
+/// A mesh that several instances place, and what may be done with it.
+pub(super) struct Candidate {
+    pub(super) id: MeshId,
+    /// Its instances that are not pinned.
+    pub(super) instances: Vec<InstanceId>,
+    /// `None` where nothing but keeping was looked at.
+    pub(super) looked_at: Option<LookedAt>,
+    /// At least one; the first keeps all instances.
+    pub(super) plans: Vec<Plan>,
+}
+
+/// What a mesh was found to be.
+pub(super) struct LookedAt {
+    pub(super) mesh: Mesh,
+    /// The pieces for every way to open the mesh, parallel to [`Mesh::pieces`] but for the first, which keeps it whole.
+    pub(super) opened: Vec<Vec<Part>>,
+}
+
+pub(super) struct Candidates {
+    pub(super) meshes: Vec<Candidate>,
+    /// Triangles of meshes that one instance places and that is not pinned.
+    base_triangles: u64,
+    /// Share of what a mesh costs that a change must save.
+    worth_a_change: f64,
+    /// Why no mesh was looked at, if so.
+    pub(super) idle: Option<&'static str>,
+}
+
+impl Candidates {
+    pub(super) fn of(scene: &Scene, options: &Options) -> Candidates {
+        let mut instances: Vec<Vec<InstanceId>> = vec![Vec::new(); scene.meshes.len()];
+        (0u32..).zip(&scene.instances).for_each(|(i, at)| instances[at.mesh.0 as usize].push(InstanceId(i)));
+        let uses: Vec<usize> = instances.iter().map(Vec::len).collect();
+        let free = |i: &InstanceId| scene.instances[i.0 as usize].pinned.is_none();
+        instances.iter_mut().for_each(|list| list.retain(free));
+        let alone = |m: &usize| uses[*m] == 1 && !instances[*m].is_empty();
+        let base = (0..uses.len()).filter(alone).map(|m| scene.meshes[m].triangle_count() as u64).sum();
+        let meshes: Vec<Candidate> = (0u32..)
+            .zip(instances)
+            .filter(|(m, list)| uses[*m as usize] > 1 && !list.is_empty())
+            .map(|(m, instances)| Candidate { id: MeshId(m), instances, looked_at: None, plans: vec![Plan::NONE] })
+            .collect();
+        let worth_a_change = if options.pieces.is_some() { 0.0 } else { WORTH_A_CHANGE };
+        let mut candidates = Candidates { meshes, base_triangles: base, worth_a_change, idle: None };
+        if !candidates.meshes.is_empty() {
+            candidates.look(scene, options, &uses);
+        }
+        candidates
+    }
+
+    /// Finds the plans of all meshes.
+    fn look(&mut self, scene: &Scene, options: &Options, uses: &[usize]) {
+        let boxes = scene.instance_boxes();
+        let areas: f64 = self.meshes.iter().flat_map(|m| &m.instances).map(|i| boxes[i.0 as usize].area()).sum();
+        let overlaps = overlap::shared_area(&boxes) > APART * areas;
+        if !overlaps {
+            self.idle = Some("no two instance boxes overlap");
+            return;
+        }
+        let quality = |m: usize| if uses[m] > 1 { Quality::Medium } else { Quality::Fast };
+        let mut trees: Vec<Boxed> =
+            (0..uses.len()).into_par_iter().map(|m| Boxed::of_mesh(&scene.meshes[m], quality(m))).collect();
+        let count = (SEGMENTS_A_MESH * self.meshes.len()).clamp(SEGMENTS, MOST_SEGMENTS);
+        let segments = segments::sample(scene, &trees, count);
+        let most_boxes = (MOST_BOXES / self.meshes.len()).clamp(1, MOST_BOXES_A_MESH);
+        let has_base = self.base_triangles > 0;
+        for candidate in &mut self.meshes {
+            let tree = std::mem::take(&mut trees[candidate.id.0 as usize]);
+            let pinned = (uses[candidate.id.0 as usize] - candidate.instances.len()) as u64;
+            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, options) else {
+                continue;
+            };
+            if found.mesh.tally.met >= FEWEST_MET {
+                candidate.plans = found.mesh.plans(options.entry_cost, has_base, options.pieces.is_some());
+                candidate.looked_at = Some(found);
+            }
+        }
+    }
+
+    fn keep_all(&self) -> Vec<Plan> {
+        self.meshes.iter().map(|m| m.plans[0]).collect()
+    }
+
+    /// The plan for every mesh that gains most while all take at most `allowed` bytes more than the input.
+    pub(super) fn choose(&self, allowed: f64) -> Vec<Plan> {
+        let hulls: Vec<Vec<Plan>> = self.meshes.iter().map(|m| hull(&m.plans)).collect();
+        let mut steps: Vec<(f64, usize, usize)> = Vec::new();
+        for (m, hull) in hulls.iter().enumerate() {
+            let gain = |(i, pair): (usize, &[Plan])| (gain_a_byte(&pair[0], &pair[1]), m, i + 1);
+            steps.extend(hull.windows(2).enumerate().map(gain));
+        }
+        steps.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        let mut chosen = Chosen { plans: self.keep_all(), left: Budget::new(allowed, self.base_triangles) };
+        for &(_, m, i) in &steps {
+            chosen.change(m, hulls[m][i], self.worth_a_change * self.meshes[m].plans[0].cost);
+        }
+        // What remains may buy plans above the hulls.
+        for (m, mesh) in self.meshes.iter().enumerate() {
+            let mut plans = mesh.plans.clone();
+            plans.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            plans.into_iter().any(|plan| chosen.change(m, plan, self.worth_a_change * mesh.plans[0].cost));
+        }
+        chosen.plans
+    }
+
+    /// The fate of every instance under the plans.
+    pub(super) fn select(&self, scene: &Scene, plans: &[Plan]) -> Selection {
+        let mut selection =
+            Selection { fates: vec![Fate::Bake; scene.instances.len()], pieces: vec![Vec::new(); scene.meshes.len()] };
+        for (fate, instance) in selection.fates.iter_mut().zip(&scene.instances) {
+            if instance.pinned.is_some() {
+                *fate = Fate::Keep;
+            }
+        }
+        for (candidate, plan) in self.meshes.iter().zip(plans) {
+            candidate.instances.iter().for_each(|i| selection.fates[i.0 as usize] = Fate::Keep);
+            let Some(LookedAt { mesh, opened }) = &candidate.looked_at else { continue };
+            let fates = repeat_n(Fate::Bake, plan.baked).chain(repeat_n(Fate::Open, plan.opened));
+            for (&node, fate) in mesh.order.iter().zip(fates) {
+                let instances = mesh.nodes[node].iter().map(|&i| candidate.instances[i]);
+                instances.for_each(|i| selection.fates[i.0 as usize] = fate);
+            }
+            if plan.opened > 0 {
+                selection.pieces[candidate.id.0 as usize] = opened[plan.level - 1].clone();
+            }
+        }
+        selection
+    }
+}
+
+/// Cuts a mesh and counts what its instances cost; `None` where rays cannot be counted.
+fn look_at(
+    scene: &Scene,
+    candidate: &Candidate,
+    tree: Boxed,
+    pinned: u64,
+    segments: &[Segment],
+    most_boxes: usize,
+    options: &Options,
+) -> Option<LookedAt> {
+    let mesh = &scene.meshes[candidate.id.0 as usize];
+    if tree.tree.order.len() < mesh.triangle_count() || segments.is_empty() {
+        return None;
+    }
+    let finest = (most_boxes / candidate.instances.len()).max(1);
+    let every = candidate.instances.len().div_ceil(16);
+    let placed = |i: &InstanceId| scene.instances[i.0 as usize].transform.matrix3;
+    let placed: Vec<_> = candidate.instances.iter().step_by(every).map(placed).collect();
+    let cuts = Cuts::of(&tree, finest, &placed);
+    let opened = if mesh.triangle_count() < FEWEST_TRIANGLES {
+        Vec::new()
+    } else {
+        // The copies of a node stand between it and a frame.
+        let turns = !candidate.instances.iter().any(|i| scene.is_copied(scene.instances[i.0 as usize].node));
+        pieces::levels(mesh, &tree, finest, turns && options.frames, options.pieces)
+    };
+    let tally = Counted::new(scene, &candidate.instances, &tree, segments).tally(&cuts, &opened, most_boxes);
+    let triangles = mesh.triangle_count() as u64;
+    let sizes = |pieces: &Vec<Piece>| pieces.iter().map(|p| p.part.triangles.len() as u64).collect();
+    let pieces: Vec<Vec<u64>> = [vec![triangles]].into_iter().chain(opened.iter().map(sizes)).collect();
+    let indexed: Vec<(u32, usize)> =
+        candidate.instances.iter().enumerate().map(|(i, id)| (scene.instances[id.0 as usize].node, i)).collect();
+    let nodes = indexed.chunk_by(|a, b| a.0 == b.0).map(|node| node.iter().map(|&(_, i)| i).collect()).collect();
+    let mesh = Mesh::new(triangles, pieces, nodes, pinned, tally, options.entry_cost);
+    let parts = |pieces: Vec<Piece>| pieces.into_iter().map(|p| p.part).collect();
+    Some(LookedAt { mesh, opened: opened.into_iter().map(parts).collect() })
+}
+
+/// What may still be spent.
+struct Budget {
+    bytes: f64,
+    copied: u64,
+    restructured: u64,
+    placements: u64,
+}
+
+impl Budget {
+    fn new(bytes: f64, base_triangles: u64) -> Budget {
+        let restructured = MOST_TRIANGLES.saturating_sub(base_triangles);
+        Budget { bytes, copied: MOST_COPIED_TRIANGLES, restructured, placements: MOST_PLACEMENTS }
+    }
+}
+
+/// Plans being chosen.
+struct Chosen {
+    plans: Vec<Plan>,
+    left: Budget,
+}
+
+impl Chosen {
+    /// Changes the plan of a mesh where that saves more than `least` and the budget allows.
+    fn change(&mut self, mesh: usize, to: Plan, least: f64) -> bool {
+        let from = self.plans[mesh];
+        let bytes = to.bytes - from.bytes;
+        let fits = (bytes <= 0.0 || bytes <= self.left.bytes)
+            && to.copied <= self.left.copied.saturating_add(from.copied)
+            && to.copied <= self.left.restructured.saturating_add(from.copied)
+            && to.placements <= self.left.placements.saturating_add(from.placements);
+        if !fits || from.cost - to.cost <= least {
+            return false;
+        }
+        self.left.bytes -= bytes;
+        self.left.copied = self.left.copied + from.copied - to.copied;
+        self.left.restructured = self.left.restructured + from.copied - to.copied;
+        self.left.placements = (self.left.placements + from.placements).saturating_sub(to.placements);
+        self.plans[mesh] = to;
+        true
+    }
+}

@@ -1,0 +1,247 @@
+//! Which objects are better kept out of a group of all: what encloses the rest, and what lies far outside it.
+//!
+//! In one BLAS a sky dome or a cube at the horizon makes the boxes of the topmost nodes large and empty, and grids by
+//! which builders quantise positions coarse. Where they are objects of their own, they are set apart:
+//!
+//! - **Outliers.** The core of the scene is the smallest cube around the median of all triangles that holds at least
+//!   [`CORE`] of them, object by object. What lies outside a cube [`FAR`] times as large is an outlier, unless more than
+//!   [`MOST_OUTLIERS`] objects do: then they are no exceptions.
+//! - **Shells**: among the others, the largest first, an object whose box covers at least [`COVERED`] of the box of all that
+//!   are not set apart, by surface area, while it holds few triangles: all shells together at most [`FEW`] of the scene's.
+//!   Sky domes, the walls of a room and large thin objects that overlap everything are such.
+//!
+//! Sorting objects takes n log n; boxes take time linear in the triangles stored and the objects.
+
+use rayon::prelude::*;
+
+use crate::layout::builder::Object;
+use crate::scene::{Bounds, Geometry, Mesh, Scene};
+
+/// Share of the triangles that make up the core of a scene.
+const CORE: f64 = 0.999;
+
+/// How many times as far from the median as the core reaches an outlier begins.
+const FAR: f64 = 4.0;
+
+/// Outliers at most.
+const MOST_OUTLIERS: usize = 64;
+
+/// Share of the rest's box, by surface area, that a shell's box covers.
+const COVERED: f64 = 0.9;
+
+/// Largest share of the triangles that shells hold.
+const FEW: f64 = 0.01;
+
+/// What is to be set apart, as indices into a list of objects, each list in ascending order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Apart {
+    /// Objects that enclose the rest.
+    pub(super) shells: Vec<usize>,
+    /// Objects that lie far outside.
+    pub(super) outliers: Vec<usize>,
+}
+
+impl Apart {
+    /// Whether nothing is set apart.
+    pub(super) fn is_empty(&self) -> bool {
+        self.shells.is_empty() && self.outliers.is_empty()
+    }
+}
+
+/// An object's world box and how many triangles it has.
+#[derive(Clone, Copy)]
+struct Extent {
+    bounds: Bounds,
+    triangles: usize,
+}
+
+/// What to set apart of some objects. Objects without a finite box stay with the others.
+pub(super) fn apart(scene: &Scene, objects: &[Object]) -> Apart {
+    let extents = extents(scene, objects);
+    let usable = |&i: &usize| !extents[i].bounds.is_empty() && extents[i].bounds.area().is_finite();
+    let mut rest: Vec<usize> = (0..objects.len()).filter(usable).collect();
+    let outliers = outliers(&extents, &rest);
+    rest.retain(|i| outliers.binary_search(i).is_err());
+    Apart { shells: shells(&extents, rest), outliers }
+}
+
+/// Of objects whose mesh is placed once the box of their triangles, of others the box around their transformed box, so that
+/// the work does not grow with the triangles placed.
+fn extents(scene: &Scene, objects: &[Object]) -> Vec<Extent> {
+    let mut uses = vec![0u32; scene.meshes.len()];
+    scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += 1);
+    let boxes_of = |(mesh, &uses): (&Mesh, &u32)| match uses {
+        0 | 1 => Vec::new(),
+        _ => mesh.geometries.iter().map(Geometry::bounds).collect::<Vec<Bounds>>(),
+    };
+    let shared: Vec<Vec<Bounds>> = scene.meshes.par_iter().zip(&uses).map(boxes_of).collect();
+    let bounds = |object: &Object| {
+        let instance = &scene.instances[object.instance as usize];
+        match shared[instance.mesh.0 as usize].get(object.geometry as usize) {
+            Some(bounds) => bounds.transformed(&instance.transform),
+            None => Bounds::of(object.triangles(scene).flat_map(|t| scene.world_corners(t))),
+        }
+    };
+    let extent = |o: &Object| Extent { bounds: bounds(o), triangles: o.geometry(scene).triangles.len() };
+    objects.par_iter().map(extent).collect()
+}
+
+/// The outliers among some objects.
+fn outliers(extents: &[Extent], among: &[usize]) -> Vec<usize> {
+    let total: usize = among.iter().map(|&i| extents[i].triangles).sum();
+    let middle = glam::DVec3::from([0, 1, 2].map(|axis| median(extents, among, axis, total)));
+    // The largest distance of a coordinate from the median, of the farthest and of the nearest point of a box.
+    let reach = |i: usize| (extents[i].bounds.max - middle).max(middle - extents[i].bounds.min).max_element();
+    let gap = |i: usize| (extents[i].bounds.min - middle).max(middle - extents[i].bounds.max).max_element();
+    let mut by_reach = among.to_vec();
+    by_reach.sort_by(|&a, &b| reach(a).total_cmp(&reach(b)).then(a.cmp(&b)));
+    let mut held = 0;
+    let core = by_reach.iter().position(|&i| {
+        held += extents[i].triangles;
+        held as f64 >= CORE * total as f64
+    });
+    let Some(core) = core else { return Vec::new() };
+    let far = FAR * reach(by_reach[core]);
+    let mut outliers: Vec<usize> = by_reach[core + 1..].iter().copied().filter(|&i| gap(i) > far).collect();
+    if outliers.len() > MOST_OUTLIERS {
+        return Vec::new();
+    }
+    outliers.sort_unstable();
+    outliers
+}
+
+/// The coordinate of the middle triangle when objects are ordered by the middles of their boxes; 0 without triangles.
+fn median(extents: &[Extent], among: &[usize], axis: usize, total: usize) -> f64 {
+    let mut middles: Vec<(f64, usize)> =
+        among.iter().map(|&i| (extents[i].bounds.center()[axis], extents[i].triangles)).collect();
+    middles.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut held = 0;
+    let middle = middles.iter().find(|(_, triangles)| {
+        held += triangles;
+        2 * held >= total
+    });
+    middle.map_or(0.0, |m| m.0)
+}
+
+/// The shells among some objects.
+fn shells(extents: &[Extent], mut among: Vec<usize>) -> Vec<usize> {
+    let area = |i: usize| extents[i].bounds.area();
+    among.sort_by(|&a, &b| area(b).total_cmp(&area(a)).then(a.cmp(&b)));
+    let total: usize = among.iter().map(|&i| extents[i].triangles).sum();
+    let mut left = (FEW * total as f64) as usize;
+    // The box of all objects from a place in the order on.
+    let mut from: Vec<Bounds> = vec![Bounds::EMPTY; among.len() + 1];
+    for (place, &i) in among.iter().enumerate().rev() {
+        from[place] = from[place + 1].union(&extents[i].bounds);
+    }
+    let mut larger = Bounds::EMPTY;
+    let mut shells = Vec::new();
+    for (place, &i) in among.iter().enumerate() {
+        let Extent { bounds, triangles } = extents[i];
+        let rest = larger.union(&from[place + 1]);
+        let covered = bounds.intersection(&rest).area() >= COVERED * rest.area();
+        if triangles <= left && covered && !rest.is_empty() {
+            left -= triangles;
+            shells.push(i);
+        } else {
+            larger = larger.union(&bounds);
+        }
+    }
+    shells.sort_unstable();
+    shells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::builder::objects;
+    use crate::layout::test_scenes::*;
+    use crate::scene::InstanceId;
+    use glam::Vec3;
+
+    fn apart_of(builder: SceneBuilder) -> Apart {
+        let scene = builder.scene();
+        let instances = (0..scene.instances.len() as u32).map(InstanceId);
+        apart(&scene, &objects(&scene, instances))
+    }
+
+    /// Two triangles whose box is a cube of some size around a point.
+    fn open_box(center: Vec3, size: f32) -> Vec<[Vec3; 3]> {
+        let [low, high] = [center - 0.5 * size, center + 0.5 * size];
+        let at = |x, y, z| Vec3::new(x, y, z);
+        vec![[low, at(high.x, low.y, low.z), high], [low, at(low.x, high.y, high.z), high]]
+    }
+
+    /// Ten rows of a hundred triangles.
+    fn town() -> SceneBuilder {
+        let mut builder = SceneBuilder::default();
+        (0..10).for_each(|i| builder.object("house", 0, row(Vec3::new(0.0, i as f32, 3.0 * i as f32), 100)));
+        builder
+    }
+
+    #[test]
+    fn nothing_is_apart_of_nothing() {
+        assert!(apart_of(SceneBuilder::default()).is_empty());
+    }
+
+    #[test]
+    fn objects_side_by_side_stay_together() {
+        assert!(apart_of(town()).is_empty());
+        let mut lone = SceneBuilder::default();
+        lone.object("lone", 0, row(Vec3::ZERO, 1));
+        assert!(apart_of(lone).is_empty());
+    }
+
+    #[test]
+    fn domes_in_domes_are_shells() {
+        let mut builder = town();
+        builder.object("sky", 0, open_box(Vec3::new(50.0, 0.0, 0.0), 300.0));
+        builder.object("stars", 0, open_box(Vec3::new(50.0, 0.0, 0.0), 900.0));
+        assert_eq!(apart_of(builder), Apart { shells: vec![10, 11], outliers: vec![] });
+    }
+
+    #[test]
+    fn a_detailed_hull_is_no_shell() {
+        let mut builder = town();
+        let hull = (0..50).flat_map(|_| open_box(Vec3::new(50.0, 0.0, 0.0), 300.0)).collect();
+        builder.object("hull", 0, hull);
+        assert!(apart_of(builder).is_empty());
+    }
+
+    #[test]
+    fn a_far_object_is_an_outlier_and_the_dome_around_the_rest_still_a_shell() {
+        let mut builder = town();
+        builder.object("sky", 0, open_box(Vec3::new(50.0, 0.0, 0.0), 300.0));
+        builder.object("moon", 0, row(Vec3::new(1e5, 0.0, 0.0), 1));
+        assert_eq!(apart_of(builder), Apart { shells: vec![10], outliers: vec![11] });
+    }
+
+    #[test]
+    fn instances_of_a_mesh_are_set_apart_like_others() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("tree", vec![(0, row(Vec3::ZERO, 2))]);
+        (0..2000).for_each(|i| drop(builder.place(mesh, "tree", at(0.0, f64::from(i), 0.0)).name.clone()));
+        builder.place(mesh, "far tree", at(1e6, 0.0, 0.0));
+        assert_eq!(apart_of(builder), Apart { shells: vec![], outliers: vec![2000] });
+    }
+
+    #[test]
+    fn many_far_objects_are_no_exceptions() {
+        let mut builder = SceneBuilder::default();
+        builder.object("middle", 0, row(Vec3::ZERO, 100_000));
+        (0..65).for_each(|i| builder.object("star", 0, row(Vec3::new(0.0, 1e7, 1e6 * i as f32), 1)));
+        assert!(apart_of(builder).is_empty());
+    }
+
+    #[test]
+    fn the_rule_does_not_depend_on_the_unit() {
+        for scale in [1e-30, 1.0, 1e25] {
+            let mut builder = SceneBuilder::default();
+            let scaled = |t: Vec<[Vec3; 3]>| t.into_iter().map(|c| c.map(|p| scale * p)).collect::<Vec<_>>();
+            builder.object("town", 0, scaled(row(Vec3::ZERO, 2000)));
+            builder.object("sky", 0, scaled(open_box(Vec3::new(1000.0, 0.0, 0.0), 3000.0)));
+            builder.object("moon", 0, scaled(row(Vec3::new(0.0, 1e6, 0.0), 1)));
+            assert_eq!(apart_of(builder), Apart { shells: vec![1], outliers: vec![2] }, "{scale}");
+        }
+    }
+}

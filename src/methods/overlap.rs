@@ -1,0 +1,472 @@
+//! `overlap`: splits and merges objects until their boxes overlap little.
+//!
+//! T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical University in Prague, 2024, listing 4.1:
+//! in every round a queue of all pairs that overlap, the largest overlap first. What becomes of a pair depends on the
+//! area of its overlap over the area of the box around both: little, both are split in the middle; more, both are
+//! split at the overlap and the parts inside it merge; most of it, both merge. No object takes part twice in a round.
+//!
+//! Helps where objects are hollow or pierce each other; hurts where long triangles stick out of every piece.
+//!
+//! Where the thesis leaves a choice, or its letter raises the overlap or goes round in circles:
+//! - Objects that merge form a mesh group in which each keeps its material. Such a group is never divided again.
+//!   Since objects can only be divided as often as they have triangles, and only merge as often as there are objects,
+//!   the rounds come to an end.
+//! - An object that cannot be divided (a mesh group, one of few triangles, one whose centroids are all equal) takes
+//!   part undivided: in the middle branch all of it merges with what the other object has inside the overlap. A pair
+//!   of two such objects is passed over unless they merge.
+//! - An object with all triangles or none inside the overlap is split in the middle, and nothing of it merges.
+//! - The layout of the round with the least overlap wins, and only if it lowers that of the input (whose instances may
+//!   hold several objects each), so that no scene ends with more than it began with.
+//!
+//! Overlaps are held against the box of the whole scene, and the ratio counts instances that stay as they are.
+
+use rayon::prelude::*;
+
+use crate::cost::overlap;
+use crate::layout::Layout;
+use crate::layout::builder::Builder;
+use crate::methods::Options;
+use crate::methods::instancing::bake_within_limits;
+use crate::methods::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
+use crate::scene::{Bounds, Scene};
+
+/// Rounds after which the best layout so far is taken. Scenes of a thousand objects take about a hundred.
+const MOST_ROUNDS: usize = 256;
+
+/// Pairs that one round may queue; where more could be found, only the objects with the largest boxes take part.
+const MOST_PAIRS: usize = 1 << 21;
+
+/// As many objects cannot form more than [`MOST_PAIRS`] pairs.
+const FEW_OBJECTS: usize = 1 << 11;
+
+/// Splits and merges objects to lower the overlap ratio.
+pub(super) fn overlap(scene: &Scene, options: &Options) -> Layout {
+    bake_within_limits(scene, options, |selection| {
+        let mut layout = Builder::new(scene);
+        selection.place_left(&mut layout);
+        let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
+        let (groups, least) = reduction.least_overlap();
+        let input = overlap::ratio(&scene.instance_boxes());
+        if least < input {
+            reduction.pieces.emit(&groups, &mut layout);
+        } else {
+            selection.baked().for_each(|instance| layout.keep(instance));
+            layout.note(format!("no round lowers the overlap ratio below the {input:.3} of the input"));
+        }
+        layout.finish()
+    })
+}
+
+/// An object, a part of one, or a mesh group.
+#[derive(Clone, Debug)]
+struct Body {
+    /// What it consists of; more than one piece only in a mesh group.
+    pieces: Vec<Piece>,
+    bounds: Bounds,
+    divisible: bool,
+}
+
+/// The state of the scene between rounds.
+struct Reduction<'a> {
+    pieces: Pieces<'a>,
+    options: &'a Options,
+    /// All bodies there ever were.
+    bodies: Vec<Body>,
+    /// Those that make up the scene now.
+    live: Vec<usize>,
+}
+
+/// Two bodies to be processed.
+struct Task {
+    /// Indices into [`Reduction::live`].
+    places: [usize; 2],
+    /// Surface area of what their boxes have in common.
+    area: f64,
+}
+
+impl<'a> Reduction<'a> {
+    fn new(pieces: Pieces<'a>, options: &'a Options) -> Self {
+        let divisible = |piece: Piece| piece.len() > options.min_triangles;
+        let body = |(piece, bounds)| Body { pieces: vec![piece], bounds, divisible: divisible(piece) };
+        let bodies: Vec<Body> = pieces.whole().into_iter().map(body).collect();
+        Reduction { pieces, options, live: (0..bodies.len()).collect(), bodies }
+    }
+
+    /// Runs the rounds; gives the pieces of each body of the best one, and its overlap ratio.
+    fn least_overlap(&mut self) -> (Vec<Vec<Piece>>, f64) {
+        let (mut best, mut least) = (self.live.clone(), f64::INFINITY);
+        for _ in 0..MOST_ROUNDS {
+            let ratio = self.overlap_ratio();
+            if ratio < least {
+                (best, least) = (self.live.clone(), ratio);
+            }
+            if ratio < self.options.termination_overlap_ratio || !self.round(ratio) {
+                break;
+            }
+        }
+        (best.into_iter().map(|body| self.bodies[body].pieces.clone()).collect(), least)
+    }
+
+    fn overlap_ratio(&self) -> f64 {
+        let live = self.live.iter().map(|&body| self.bodies[body].bounds);
+        overlap::ratio(&live.chain(self.pieces.others.iter().copied()).collect::<Vec<_>>())
+    }
+
+    /// One pass through the queue; whether anything changed.
+    fn round(&mut self, overlap_ratio: f64) -> bool {
+        let mut dirty = vec![false; self.live.len()];
+        let mut successors = Vec::new();
+        for Task { places, area } in self.queue(overlap_ratio) {
+            if places.iter().any(|&place| dirty[place]) {
+                continue;
+            }
+            if let Some(new) = self.process(places.map(|place| self.live[place]), area) {
+                places.iter().for_each(|&place| dirty[place] = true);
+                successors.extend(new);
+            }
+        }
+        let mut place = 0..self.live.len();
+        self.live.retain(|_| place.next().is_some_and(|place| !dirty[place]));
+        self.live.extend(&successors);
+        !successors.is_empty()
+    }
+
+    /// The pairs that overlap enough, the largest overlap first, then in the order of the bodies.
+    fn queue(&self, overlap_ratio: f64) -> Vec<Task> {
+        let min_ratio = self.options.skip_overlap_ratio.max(0.0);
+        let bounds_at = |place: usize| self.bodies[self.live[place]].bounds;
+        let mut places: Vec<usize> = (0..self.live.len()).collect();
+        // No more pairs than this can each have their share of the overlap.
+        let pairs_at_most = overlap_ratio / min_ratio;
+        if places.len() > FEW_OBJECTS && pairs_at_most > MOST_PAIRS as f64 {
+            places.sort_by(|&a, &b| bounds_at(b).area().total_cmp(&bounds_at(a).area()));
+            places.truncate(FEW_OBJECTS);
+            places.sort_unstable();
+        }
+        let boxes: Vec<Bounds> = places.iter().map(|&place| bounds_at(place)).collect();
+        let mut pairs = overlap::pairs(&boxes, min_ratio * self.pieces.scene_area);
+        pairs.par_sort_by(|a, b| b.area.total_cmp(&a.area));
+        let task = |pair: overlap::Pair| Task { places: [pair.a, pair.b].map(|i| places[i as usize]), area: pair.area };
+        pairs.into_iter().map(task).collect()
+    }
+
+    /// What two overlapping bodies become; `None` if they stay as they are.
+    fn process(&mut self, pair: [usize; 2], area: f64) -> Option<Vec<usize>> {
+        let [a, b] = pair.map(|body| self.bodies[body].bounds);
+        let pair_overlap_ratio = area / a.union(&b).area();
+        if pair_overlap_ratio >= self.options.split_or_merge_ratio {
+            Some(vec![self.merge(pair)])
+        } else if pair_overlap_ratio < self.options.split_ratio {
+            self.split_both(pair)
+        } else {
+            self.split_and_merge(pair, &a.intersection(&b))
+        }
+    }
+
+    fn split_both(&mut self, pair: [usize; 2]) -> Option<Vec<usize>> {
+        let halves = pair.map(|body| self.split_in_the_middle(body));
+        halves.iter().any(Option::is_some).then(|| {
+            let after = |(body, halves): (usize, Option<[usize; 2]>)| halves.map_or(vec![body], Vec::from);
+            pair.into_iter().zip(halves).flat_map(after).collect()
+        })
+    }
+
+    fn split_and_merge(&mut self, pair: [usize; 2], common: &Bounds) -> Option<Vec<usize>> {
+        let [a, b] = pair.map(|body| self.cut(body, common));
+        if a.outside.is_empty() && b.outside.is_empty() {
+            return None;
+        }
+        let inside = match (a.inside, b.inside) {
+            (Some(a), Some(b)) => vec![self.merge([a, b])],
+            (a, b) => a.into_iter().chain(b).collect(),
+        };
+        Some([inside, a.outside, b.outside].concat())
+    }
+
+    /// Joins two bodies to a mesh group.
+    fn merge(&mut self, pair: [usize; 2]) -> usize {
+        let [a, b] = pair.map(|body| self.baked_bounds(body));
+        let pieces = pair.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
+        self.push(Body { pieces, bounds: a.union(&b), divisible: false })
+    }
+
+    /// The box of a body once it cannot stay as it is in the input.
+    fn baked_bounds(&self, body: usize) -> Bounds {
+        match *self.bodies[body].pieces {
+            [object] if self.pieces.is_whole(object) => self.pieces.baked_bounds(object),
+            _ => self.bodies[body].bounds,
+        }
+    }
+
+    /// Divides a body into what lies inside a box and what lies outside.
+    fn cut(&mut self, body: usize, common: &Bounds) -> Cut {
+        let [min, max] = [common.min, common.max].map(|p| self.pieces.seen_from_middle(p));
+        let is_inside = |item: &Item| item.centroid.cmpge(min).all() && item.centroid.cmple(max).all();
+        if let Some([inside, outside]) = self.divide(body, is_inside) {
+            Cut { inside: Some(inside), outside: vec![outside] }
+        } else if let Some(halves) = self.split_in_the_middle(body) {
+            Cut { inside: None, outside: halves.to_vec() }
+        } else {
+            Cut { inside: Some(body), outside: Vec::new() }
+        }
+    }
+
+    /// Divides a body at the middle of the longest edge of its box, or of the box of its centroids if they all lie on
+    /// one side; `None` if it cannot be divided, which is remembered.
+    fn split_in_the_middle(&mut self, body: usize) -> Option<[usize; 2]> {
+        let piece = self.divisible_piece(body)?;
+        let bounds = bounds_of(self.pieces.items(piece));
+        let axis = longest_axis(&bounds);
+        let middle = self.pieces.seen_from_middle(bounds.center())[axis];
+        let halves = self.divide(body, |item| item.centroid[axis] < middle).or_else(|| {
+            let centroids = centroid_bounds(self.pieces.items(piece));
+            let axis = longest_axis(&centroids);
+            let middle = centroids.center()[axis];
+            self.divide(body, |item| f64::from(item.centroid[axis]) <= middle)
+        });
+        self.bodies[body].divisible = halves.is_some();
+        halves
+    }
+
+    /// Divides a body into the triangles for which `is_first` holds and the others; `None` if it must not be divided
+    /// or if one of them would be empty.
+    fn divide(&mut self, body: usize, is_first: impl Fn(&Item) -> bool) -> Option<[usize; 2]> {
+        let piece = self.divisible_piece(body)?;
+        let parts = self.pieces.divide(piece, is_first);
+        parts.iter().all(|part| part.len() > 0).then(|| {
+            parts.map(|part| {
+                let bounds = self.pieces.baked_bounds(part);
+                self.push(Body { pieces: vec![part], bounds, divisible: part.len() > self.options.min_triangles })
+            })
+        })
+    }
+
+    /// The triangles of a body that may be divided.
+    fn divisible_piece(&mut self, body: usize) -> Option<Piece> {
+        match &self.bodies[body] {
+            Body { divisible: true, pieces, .. } => {
+                let piece = pieces[0];
+                self.pieces.load(piece);
+                Some(piece)
+            }
+            _ => None,
+        }
+    }
+
+    fn push(&mut self, body: Body) -> usize {
+        self.bodies.push(body);
+        self.bodies.len() - 1
+    }
+}
+
+/// A body as an overlap divides it.
+struct Cut {
+    /// What is to merge.
+    inside: Option<usize>,
+    /// What stays apart; nothing if the body cannot be divided.
+    outside: Vec<usize>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::test_scenes::*;
+    use crate::layout::{Content, GroupGeometry};
+    use crate::scene::Pinned;
+    use glam::{DAffine3, Vec3};
+    use proptest::prelude::*;
+
+    fn checked(scene: &Scene, options: &Options) -> Layout {
+        let layout = overlap(scene, options);
+        assert_eq!(layout.check(scene), Ok(()));
+        layout
+    }
+
+    fn with_ratios(skip: f64, split: f64, split_or_merge: f64) -> Options {
+        Options {
+            skip_overlap_ratio: skip,
+            split_ratio: split,
+            split_or_merge_ratio: split_or_merge,
+            ..Options::default()
+        }
+    }
+
+    fn overlap_ratio(scene: &Scene, layout: &Layout) -> f64 {
+        overlap::ratio(&placed_bounds(scene, layout))
+    }
+
+    /// The ratio before anything is done.
+    fn ratio_before(scene: &Scene) -> f64 {
+        overlap_ratio(scene, &checked(scene, &Options { skip_overlap_ratio: f64::INFINITY, ..Options::default() }))
+    }
+
+    fn moved(triangles: Vec<[Vec3; 3]>, by: Vec3) -> Vec<[Vec3; 3]> {
+        triangles.into_iter().map(|t| t.map(|p| p + by)).collect()
+    }
+
+    /// A square of `n` by `n` small triangles, a unit apart.
+    fn field(corner: Vec3, n: usize) -> Vec<[Vec3; 3]> {
+        (0..n).flat_map(|y| row(corner + Vec3::Y * y as f32, n)).collect()
+    }
+
+    #[test]
+    fn an_empty_scene_gives_an_empty_layout() {
+        assert!(checked(&Scene::default(), &Options::default()).groups.is_empty());
+    }
+
+    #[test]
+    fn objects_apart_stay_as_they_are() {
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, row(Vec3::ZERO, 20));
+        let lamp = builder.mesh("lamp", vec![(0, row(Vec3::Y, 9)), (1, row(Vec3::Y * 5.0, 9))]);
+        builder.place(lamp, "lamp", DAffine3::IDENTITY);
+        let layout = checked(&builder.scene(), &with_ratios(0.0, 0.25, 0.5));
+        assert_eq!(group_names(&layout), ["kept a", "kept lamp"]);
+        assert!(layout.notes[0].contains("no round lowers the overlap ratio"), "{:?}", layout.notes);
+    }
+
+    #[test]
+    fn a_pair_that_overlaps_mostly_becomes_a_mesh_group_that_keeps_both_materials() {
+        let mut builder = SceneBuilder::default();
+        builder.object("leaves", 0, field(Vec3::ZERO, 10));
+        builder.object("twigs", 1, field(Vec3::splat(0.1), 9));
+        let scene = builder.scene();
+        let layout = checked(&scene, &Options::default());
+        assert_eq!(group_names(&layout), ["baked leaves + 1"]);
+        let Content::Baked { geometries, .. } = &layout.groups[0].content else { panic!("not baked") };
+        let parts: Vec<_> = geometries.iter().map(|g: &GroupGeometry| (g.material, g.triangles.len())).collect();
+        assert_eq!(parts, [(Some(0), 100), (Some(1), 81)]);
+    }
+
+    #[test]
+    fn a_pair_that_overlaps_little_is_split_in_the_middle() {
+        // Two L shapes whose boxes share the empty corner of each.
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, [row(Vec3::ZERO, 40), row(Vec3::new(0.0, 20.0, 0.0), 4)].concat());
+        builder.object("b", 0, [row(Vec3::new(25.0, 22.0, 0.0), 40), row(Vec3::new(61.0, 3.0, 0.0), 4)].concat());
+        let scene = builder.scene();
+        let before = ratio_before(&scene);
+        let layout = checked(&scene, &with_ratios(0.0, 0.5, 0.5));
+        let after = overlap_ratio(&scene, &layout);
+        assert!(before > 0.1 && after < 0.5 * before, "{before} to {after}");
+        let names = group_names(&layout);
+        assert!(names.len() >= 4 && names.iter().all(|n| !n.contains('+')), "{names:?}");
+    }
+
+    #[test]
+    fn a_pair_in_between_is_split_at_the_overlap_and_the_parts_inside_merge() {
+        let mut builder = SceneBuilder::default();
+        builder.object("left", 0, field(Vec3::ZERO, 20));
+        builder.object("right", 1, field(Vec3::new(10.05, 0.0, 0.0), 20));
+        let scene = builder.scene();
+        let layout = checked(&scene, &with_ratios(0.05, 0.1, 0.9));
+        assert_eq!(group_names(&layout), ["baked left + 1", "baked left.0", "baked right.0"]);
+        assert_eq!(group_sizes(&scene, &layout), [400, 200, 200]);
+        assert!(overlap_ratio(&scene, &layout) < 0.1 * ratio_before(&scene));
+    }
+
+    #[test]
+    fn an_object_that_cannot_be_divided_joins_what_overlaps_it() {
+        let mut builder = SceneBuilder::default();
+        builder.object("small", 0, vec![[Vec3::ZERO, Vec3::new(10.0, 0.0, 1.0), Vec3::new(0.0, 10.0, 1.0)]; 3]);
+        builder.object("field", 1, field(Vec3::ZERO, 16));
+        let scene = builder.scene();
+        let layout = checked(&scene, &with_ratios(0.05, 0.1, 0.9));
+        let names = group_names(&layout);
+        assert!(names.iter().any(|n| n.contains("+ 1")), "{names:?}");
+        assert!(overlap_ratio(&scene, &layout) < ratio_before(&scene));
+    }
+
+    #[test]
+    fn pairs_below_the_skip_ratio_are_left() {
+        let mut builder = SceneBuilder::default();
+        builder.object("left", 0, field(Vec3::ZERO, 20));
+        builder.object("right", 1, field(Vec3::new(18.0, 0.0, 0.0), 20));
+        let scene = builder.scene();
+        assert_eq!(group_names(&checked(&scene, &with_ratios(0.2, 0.5, 0.5))), ["kept left", "kept right"]);
+        assert_ne!(group_names(&checked(&scene, &with_ratios(0.01, 0.01, 0.5))), ["kept left", "kept right"]);
+    }
+
+    #[test]
+    fn nothing_is_done_below_the_termination_ratio() {
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, field(Vec3::ZERO, 10));
+        builder.object("b", 1, field(Vec3::splat(0.1), 10));
+        let options = Options { termination_overlap_ratio: 2.0, ..Options::default() };
+        assert_eq!(group_names(&checked(&builder.scene(), &options)), ["kept a", "kept b"]);
+    }
+
+    #[test]
+    fn objects_of_few_triangles_are_not_split() {
+        let mut builder = SceneBuilder::default();
+        builder.object("a", 0, field(Vec3::ZERO, 3));
+        builder.object("b", 1, field(Vec3::new(2.0, 2.0, 0.0), 3));
+        let options = Options { min_triangles: 9, ..with_ratios(0.0, 0.9, 0.9) };
+        assert_eq!(group_names(&checked(&builder.scene(), &options)), ["kept a", "kept b"]);
+    }
+
+    #[test]
+    fn equal_triangles_end_the_rounds() {
+        let mut builder = SceneBuilder::default();
+        for i in 0..4 {
+            builder.object("pile", i, vec![small_triangle(Vec3::X * 0.01 * i as f32); 5000]);
+        }
+        let scene = builder.scene();
+        for options in [with_ratios(0.0, 2.0, 2.0), with_ratios(0.0, 0.0, 2.0), with_ratios(0.0, 0.0, 0.0)] {
+            assert_eq!(group_sizes(&scene, &checked(&scene, &options)).iter().sum::<usize>(), 20_000);
+        }
+    }
+
+    #[test]
+    fn pinned_instances_stay() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("mesh", vec![(0, field(Vec3::ZERO, 10))]);
+        builder.place(mesh, "pinned", DAffine3::IDENTITY).pinned = Some(Pinned::Animated);
+        builder.place(mesh, "first", at(0.1, 0.0, 0.0));
+        builder.place(mesh, "second", at(0.0, 0.1, 0.0));
+        let layout = checked(&builder.scene(), &Options::default());
+        assert_eq!(group_names(&layout), ["kept mesh", "baked first + 1"]);
+    }
+
+    #[test]
+    fn thousands_of_objects_in_one_place_merge_round_by_round() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("mesh", vec![(0, row(Vec3::ZERO, 1))]);
+        for i in 0..2 * FEW_OBJECTS {
+            builder.place(mesh, "node", at(1e-6 * i as f64, 0.0, 0.0));
+        }
+        let scene = builder.scene();
+        let layout = checked(&scene, &Options::default());
+        assert!(layout.groups.len() < 100, "{} groups", layout.groups.len());
+    }
+
+    #[test]
+    fn the_layout_is_the_same_for_any_number_of_threads() {
+        let mut builder = SceneBuilder::default();
+        for i in 0..30 {
+            let corner = Vec3::new((i * 7 % 20) as f32, (i * 3 % 25) as f32, 0.0);
+            builder.object("object", i % 3, moved(field(Vec3::ZERO, 12), corner));
+        }
+        let scene = builder.scene();
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| format!("{:?}", checked(&scene, &Options::default())))
+        };
+        assert_eq!(with(1), with(3));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+        #[test]
+        fn no_scene_ends_with_more_overlap_than_it_began_with(
+            scene in any_scene(),
+            skip in 0.0..0.1,
+            split in 0.0..1.0,
+            split_or_merge in 0.0..1.2,
+        ) {
+            let layout = checked(&scene, &Options { min_triangles: 2, ..with_ratios(skip, split, split_or_merge) });
+            let (before, after) = (ratio_before(&scene), overlap_ratio(&scene, &layout));
+            prop_assert!(after <= before * (1.0 + 1e-12), "{} to {}", before, after);
+        }
+    }
+}

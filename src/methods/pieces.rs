@@ -1,0 +1,244 @@
+//! Objects being divided into pieces: what `bvh` and `overlap` work on.
+//!
+//! A triangle takes 64 bytes, and only from the moment its object is divided first. Dividing permutes triangles within
+//! the range that is divided, so that every piece there ever was stays valid.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::layout::builder::{Builder, Geometries, Object, group_name, objects};
+use crate::methods::instancing::Selection;
+use crate::scene::{Bounds, Geometry, Scene, TriangleRef};
+
+/// A triangle as far as dividing needs it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Item {
+    /// Its box in world coordinates.
+    pub(super) bounds: Bounds,
+    /// Mean of the corners, seen from the middle of the scene ([`Pieces::seen_from_middle`]), where single precision is
+    /// enough to choose a side.
+    pub(super) centroid: Vec3,
+    /// Triangle of the object's mesh.
+    triangle: u32,
+}
+
+/// Triangles that one task goes through.
+pub(super) const CHUNK: usize = 1 << 14;
+
+/// A run of an object's triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Piece {
+    /// Index into the objects of [`Pieces`].
+    pub(super) object: u32,
+    start: u32,
+    end: u32,
+}
+
+impl Piece {
+    /// Triangles in it.
+    pub(super) fn len(&self) -> usize {
+        self.range().len()
+    }
+
+    fn range(&self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+}
+
+/// The objects that a method restructures, and the box of the scene.
+pub(super) struct Pieces<'a> {
+    scene: &'a Scene,
+    objects: Vec<Object>,
+    /// Whether another instance shares the object's mesh.
+    shared: Vec<bool>,
+    /// The triangles of each object; empty until it is divided.
+    items: Vec<Vec<Item>>,
+    /// The box of each object.
+    bounds: Vec<Bounds>,
+    /// Boxes of the instances that stay.
+    pub(super) others: Vec<Bounds>,
+    /// Surface area of the box of the scene.
+    pub(super) scene_area: f64,
+    middle: DVec3,
+}
+
+impl<'a> Pieces<'a> {
+    /// The objects of the selected instances.
+    ///
+    /// The box of an object is that with which it would be placed undivided: the transformed box of its geometry
+    /// where it can stay as it is, the box of its transformed triangles where it is baked.
+    pub(super) fn new(scene: &'a Scene, selection: &Selection) -> Self {
+        let objects = objects(scene, selection.baked());
+        let mut uses = vec![0u32; scene.meshes.len()];
+        scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += 1);
+        let mesh_of = |o: &Object| scene.instances[o.instance as usize].mesh.0 as usize;
+        let shared: Vec<bool> = objects.iter().map(|o| uses[mesh_of(o)] > 1).collect();
+        let bounds: Vec<Bounds> =
+            objects.par_iter().zip(&shared).map(|(&object, &shared)| placed_bounds(scene, object, shared)).collect();
+        let others: Vec<Bounds> = selection.left_bounds(scene);
+        let all = bounds.iter().chain(&others).fold(Bounds::EMPTY, |all, b| all.union(b));
+        Pieces {
+            scene,
+            items: vec![Vec::new(); objects.len()],
+            objects,
+            shared,
+            bounds,
+            others,
+            scene_area: all.area(),
+            middle: all.center(),
+        }
+    }
+
+    /// A point in world coordinates as centroids are stored.
+    pub(super) fn seen_from_middle(&self, point: DVec3) -> Vec3 {
+        (point - self.middle).as_vec3()
+    }
+
+    /// Every object as one piece, with its box.
+    pub(super) fn whole(&self) -> Vec<(Piece, Bounds)> {
+        let whole = |object: u32| Piece { object, start: 0, end: self.triangle_count(object) };
+        (0u32..).zip(&self.bounds).map(|(object, &bounds)| (whole(object), bounds)).collect()
+    }
+
+    /// The triangles of a piece of an object that [`Pieces::load`] was called for.
+    pub(super) fn items(&self, piece: Piece) -> &[Item] {
+        &self.items[piece.object as usize][piece.range()]
+    }
+
+    /// Reads the triangles of a piece's object, if that has not been done.
+    pub(super) fn load(&mut self, piece: Piece) {
+        let at = piece.object as usize;
+        if self.items[at].is_empty() {
+            let (scene, middle, object) = (self.scene, self.middle, self.objects[at]);
+            let first = object.geometry(scene).first_triangle;
+            let count = self.triangle_count(piece.object);
+            let item = |triangle| {
+                let corners = scene.world_corners(TriangleRef { instance: object.instance, triangle });
+                Item::new(corners, middle, triangle)
+            };
+            self.items[at] = (first..first + count).into_par_iter().map(item).collect();
+        }
+    }
+
+    /// The box around the triangles of a piece as they are when they are baked.
+    pub(super) fn baked_bounds(&self, piece: Piece) -> Bounds {
+        match self.items[piece.object as usize].get(piece.range()) {
+            Some(items) => bounds_of(items),
+            None => placed_bounds(self.scene, self.objects[piece.object as usize], true),
+        }
+    }
+
+    /// Divides a loaded piece into the triangles for which `is_left` holds and the others.
+    pub(super) fn divide(&mut self, piece: Piece, is_left: impl Fn(&Item) -> bool) -> [Piece; 2] {
+        let items = &mut self.items[piece.object as usize][piece.range()];
+        let middle = piece.start + partition(items, is_left) as u32;
+        [Piece { end: middle, ..piece }, Piece { start: middle, ..piece }]
+    }
+
+    /// Adds groups to a layout, each given by the pieces it is made of; every triangle of the objects must be in one
+    /// of them. An object that is a group of its own stays a mesh or piece of the input where no other instance
+    /// shares its mesh.
+    pub(super) fn emit(&self, groups: &[Vec<Piece>], layout: &mut Builder) {
+        let mut numbers = vec![0u32; self.objects.len()];
+        for group in groups {
+            match *group.as_slice() {
+                [piece] if self.is_whole(piece) && !self.shared[piece.object as usize] => {
+                    layout.place_object(self.objects[piece.object as usize]);
+                }
+                _ => layout.bake(self.name(group, &mut numbers), self.geometries(group)),
+            }
+        }
+    }
+
+    /// Whether a piece is all of its object.
+    pub(super) fn is_whole(&self, piece: Piece) -> bool {
+        piece.len() == self.triangle_count(piece.object) as usize
+    }
+
+    fn triangle_count(&self, object: u32) -> u32 {
+        self.objects[object as usize].geometry(self.scene).triangles.len() as u32
+    }
+
+    fn name(&self, group: &[Piece], numbers: &mut [u32]) -> String {
+        let mut sizes: BTreeMap<u32, usize> = BTreeMap::new();
+        group.iter().for_each(|piece| *sizes.entry(piece.object).or_default() += piece.len());
+        group_name(self.scene, &self.objects, &sizes, numbers)
+    }
+
+    fn geometries(&self, group: &[Piece]) -> Geometries {
+        let mut geometries = Geometries::default();
+        for &piece in group {
+            let object = self.objects[piece.object as usize];
+            let of = object.geometry(self.scene);
+            if self.is_whole(piece) {
+                geometries.add(of, object.triangles(self.scene));
+            } else {
+                let mut triangles: Vec<u32> = self.items(piece).iter().map(|item| item.triangle).collect();
+                triangles.sort_unstable();
+                let placed = |triangle| TriangleRef { instance: object.instance, triangle };
+                geometries.add(of, triangles.into_iter().map(placed));
+            }
+        }
+        geometries
+    }
+}
+
+impl Item {
+    fn new(corners: [DVec3; 3], middle: DVec3, triangle: u32) -> Self {
+        let centroid = corners.iter().map(|&p| (p - middle) / 3.0).sum::<DVec3>();
+        Item { bounds: Bounds::of(corners), centroid: centroid.as_vec3(), triangle }
+    }
+}
+
+/// The box around triangles.
+pub(super) fn bounds_of(items: &[Item]) -> Bounds {
+    union_of(items, |item| item.bounds)
+}
+
+/// The box around the centroids of triangles, as they are stored.
+pub(super) fn centroid_bounds(items: &[Item]) -> Bounds {
+    union_of(items, |item| Bounds { min: item.centroid.as_dvec3(), max: item.centroid.as_dvec3() })
+}
+
+fn union_of(items: &[Item], bounds: impl Fn(&Item) -> Bounds + Sync) -> Bounds {
+    let of_chunk = |chunk: &[Item]| chunk.iter().fold(Bounds::EMPTY, |all, item| all.union(&bounds(item)));
+    items.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
+}
+
+/// The axis of the longest edge of a box, the first among equals.
+pub(super) fn longest_axis(bounds: &Bounds) -> usize {
+    let size = bounds.size();
+    if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) }
+}
+
+/// Moves the items for which `is_left` holds before the others; gives their number.
+fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
+    let (mut left, mut right) = (0, items.len());
+    while left < right {
+        if is_left(&items[left]) {
+            left += 1;
+        } else {
+            right -= 1;
+            items.swap(left, right);
+        }
+    }
+    left
+}
+
+/// The box with which an object is placed undivided.
+fn placed_bounds(scene: &Scene, object: Object, baked: bool) -> Bounds {
+    if baked {
+        Bounds::of(object.triangles(scene).flat_map(|at| scene.world_corners(at)))
+    } else {
+        let transform = &scene.instances[object.instance as usize].transform;
+        geometry_bounds(object.geometry(scene)).transformed(transform)
+    }
+}
+
+/// The box of a geometry, in the coordinates of its mesh.
+fn geometry_bounds(geometry: &Geometry) -> Bounds {
+    Bounds::of((0..geometry.triangles.len()).flat_map(|t| geometry.corners(t)).map(|p| p.as_dvec3()))
+}
