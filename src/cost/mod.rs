@@ -12,10 +12,11 @@ pub mod two_level;
 
 use boxes::BoxesPerPoint;
 use mesh_trees::MeshTrees;
-use structure::{GroupTriangles, Structure};
+use structure::Structure;
 use two_level::TwoLevel;
 
 use crate::layout::Layout;
+use crate::layout::store::Store;
 use crate::scene::Scene;
 
 /// What a layout costs.
@@ -88,7 +89,7 @@ fn count(scene: &Scene, layout: &Layout) -> Metrics {
     };
     let mut triangles = Vec::with_capacity(layout.groups.len());
     for group in &layout.groups {
-        let held = GroupTriangles::new(scene, &group.content);
+        let held = Store::new(scene, &group.content);
         triangles.push(held.len() as u64);
         metrics.geometries += held.geometries() as u64;
         metrics.triangles_stored += held.len() as u64;

@@ -78,8 +78,8 @@ pub(crate) fn face_scale(m: &DMat3) -> DVec3 {
 mod tests {
     use super::*;
     use crate::cost::sah::INTERSECTION;
-    use crate::cost::structure::GroupTriangles;
     use crate::cost::tests::{grid_mesh, instance, kept, scene};
+    use crate::layout::store::Store;
     use crate::scene::{Bounds, Scene};
     use glam::{DAffine3, dvec3};
     use proptest::prelude::*;
@@ -97,7 +97,7 @@ mod tests {
         for placement in &layout.placements {
             let group = placement.group as usize;
             let tree = &structure.blas[group].tree;
-            let boxes = tree.bounds(&GroupTriangles::new(scene, &layout.groups[group].content).boxes());
+            let boxes = tree.bounds(&Store::new(scene, &layout.groups[group].content).boxes());
             entries += INSTANCE_ENTRY * boxes[0].transformed(&placement.transform).area();
             for (node, bounds) in tree.nodes.iter().zip(&boxes) {
                 let price = if node.is_leaf() { INTERSECTION * f64::from(node.count) } else { TRAVERSAL };
@@ -143,7 +143,7 @@ mod tests {
         let layout = kept(&scene);
         let structure = Structure::build(&scene, &layout);
         let sum = TwoLevel::of(&structure, &layout);
-        let boxes = GroupTriangles::new(&scene, &layout.groups[0].content).boxes();
+        let boxes = Store::new(&scene, &layout.groups[0].content).boxes();
         let expected = crate::cost::sah::cost(&structure.blas[0].tree, &boxes);
         let area = scene.bounds().area();
         assert!((sum.flat_cost(area) / expected - 1.0).abs() < 1e-12);

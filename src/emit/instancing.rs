@@ -18,7 +18,8 @@ use serde_json::{Map, Value, json};
 
 use super::nodes::{INSTANCING, Shared, push_root};
 use super::precision::stretch;
-use crate::layout::{Content, GroupGeometry, Layout, Placement};
+use crate::layout::store::Store;
+use crate::layout::{Content, Layout, Placement};
 use crate::scene::{Bounds, InstanceId, Scene};
 
 /// How several instances of a mesh are written.
@@ -186,7 +187,7 @@ impl Batch {
         placements: Vec<usize>,
         [stored, most]: [f64; 2],
     ) -> Option<Batch> {
-        let bounds = bounds(scene, &layout.groups[group as usize].content);
+        let bounds = Store::new(scene, &layout.groups[group as usize].content).bounds();
         let copies_around = |center: DVec3| -> Vec<Option<Copy>> {
             let copy = |&at: &usize| Copy::of(&layout.placements[at], &bounds, center, stored);
             placements.par_iter().map(copy).map(|copy| copy.filter(|c| c.error <= most)).collect()
@@ -291,20 +292,6 @@ impl Copy {
 
 fn corners(of: &Bounds) -> [DVec3; 8] {
     std::array::from_fn(|i| DVec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), of.min, of.max))
-}
-
-/// Box around the triangles of a group in its own coordinates.
-fn bounds(scene: &Scene, content: &Content) -> Bounds {
-    match content {
-        Content::Kept(mesh) => scene.meshes[mesh.0 as usize].bounds(),
-        Content::Piece { mesh, frame, geometries } => {
-            let (mesh, into) = (&scene.meshes[mesh.0 as usize], frame.inverse());
-            let triangles = |g: &GroupGeometry| g.triangles.clone();
-            let corners = geometries.iter().flat_map(triangles).flat_map(|t| mesh.corners(t.triangle));
-            Bounds::of(corners.map(|p| into.transform_point3(p.as_dvec3())))
-        }
-        Content::Baked { .. } => Bounds::EMPTY,
-    }
 }
 
 /// Accessors of copies' attributes: lists that are equal are stored once, as those of all pieces of an opened mesh are.

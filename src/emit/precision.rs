@@ -1,8 +1,8 @@
 //! Frames that keep the rounding of baked positions within a limit.
 
-use glam::{DAffine3, Vec3};
 use rayon::prelude::*;
 
+use crate::layout::store::{Store, rounding_error};
 use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 
@@ -40,20 +40,11 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: 
     let limits: Vec<f64> = boxes.iter().map(|own| limit.min(own_limit(own))).collect();
     let mut settled = Settled::default();
     for group in &mut layout.groups {
-        let Content::Baked { frame, geometries } = &mut group.content else { continue };
-        let mut rounded = rounded(scene, geometries, *frame, &limits);
-        if rounded.error == 0.0 {
-            continue;
-        }
-        let bounds = bounds(scene, geometries);
-        if rounded.error > max_error_ratio * bounds.diagonal() || !rounded.refused.is_empty() {
-            frame.translation = bounds.stored_center();
-            settled.centred += 1;
-            rounded = self::rounded(scene, geometries, *frame, &limits);
-        }
+        let (is_centred, rounded) = settle_group(scene, &mut group.content, &limits, max_error_ratio);
+        settled.centred += usize::from(is_centred);
         settled.error = settled.error.max(rounded.error);
-        match refuse {
-            Refuse::Groups if !rounded.refused.is_empty() => {
+        match (&group.content, refuse) {
+            (Content::Baked { geometries, .. }, Refuse::Groups) if !rounded.refused.is_empty() => {
                 let triangles = geometries.iter().flat_map(|g| &g.triangles);
                 settled.refused.extend(triangles.map(|t| InstanceId(t.instance)));
             }
@@ -74,6 +65,23 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: 
         }
     }
     settled
+}
+
+/// Stores a baked group relative to its centre if rounding moves a vertex too far otherwise; gives whether it does, and
+/// what rounding comes to then.
+fn settle_group(scene: &Scene, content: &mut Content, limits: &[f64], max_error_ratio: f64) -> (bool, Rounded) {
+    let at_origin = rounded(scene, content, limits);
+    let Content::Baked { frame, geometries } = content else { return (false, at_origin) };
+    if at_origin.error == 0.0 {
+        return (false, at_origin);
+    }
+    let bounds = bounds(scene, geometries);
+    let is_too_far = at_origin.error > max_error_ratio * bounds.diagonal() || !at_origin.refused.is_empty();
+    if !is_too_far {
+        return (false, at_origin);
+    }
+    frame.translation = bounds.stored_center();
+    (true, rounded(scene, content, limits))
 }
 
 /// How far a corner of an instance within a box may move; any distance where the box is a point and has no shape to keep.
@@ -106,20 +114,12 @@ impl Rounded {
     }
 }
 
-/// What storing a group in `frame` comes to; `limits` are those of the scene's instances, in world units.
-fn rounded(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3, limits: &[f64]) -> Rounded {
-    let into = frame.inverse();
-    let error = |world_from_mesh: &DAffine3, corner: Vec3| {
-        let group_from_mesh = into * *world_from_mesh;
-        if group_from_mesh == DAffine3::IDENTITY {
-            return 0.0;
-        }
-        moved(&group_from_mesh, corner)
-    };
+/// What storing a baked group comes to; `limits` are those of the scene's instances, in world units.
+fn rounded(scene: &Scene, content: &Content, limits: &[f64]) -> Rounded {
+    let Content::Baked { geometries, .. } = content else { return Rounded::default() };
+    let store = Store::new(scene, content);
     let of_triangle = |all: Rounded, &at: &TriangleRef| {
-        let origin = scene.origin(at);
-        let corners = scene.meshes[origin.mesh.0 as usize].corners(origin.triangle);
-        let error = corners.into_iter().map(|c| error(&origin.transform, c)).fold(0.0, f64::max);
+        let error = store.corners_of(at).into_iter().map(rounding_error).fold(0.0, f64::max);
         all.with(InstanceId(at.instance), error, limits[at.instance as usize])
     };
     let triangles = geometries.par_iter().flat_map(|g| g.triangles.par_iter());
@@ -128,14 +128,13 @@ fn rounded(scene: &Scene, geometries: &[GroupGeometry], frame: DAffine3, limits:
 
 /// For every group the largest distance between a corner and its position stored in the frame of a piece, in units of
 /// the group; 0 for what is no piece.
-pub(super) fn piece_errors(scene: &Scene, layout: &Layout) -> Vec<f64> {
-    let of_group = |group: &Group| match &group.content {
-        Content::Piece { mesh, frame, geometries } if *frame != DAffine3::IDENTITY => {
-            let (mesh, into) = (&scene.meshes[mesh.0 as usize], frame.inverse());
-            let corners = geometries.iter().flat_map(|g| &g.triangles).flat_map(|t| mesh.corners(t.triangle));
-            corners.map(|corner| moved(&into, corner)).fold(0.0, f64::max)
+fn piece_errors(scene: &Scene, layout: &Layout) -> Vec<f64> {
+    let of_group = |group: &Group| {
+        let store = Store::new(scene, &group.content);
+        if matches!(group.content, Content::Baked { .. }) || store.is_exact() {
+            return 0.0;
         }
-        _ => 0.0,
+        (0..store.len()).flat_map(|t| store.corners(t)).map(rounding_error).fold(0.0, f64::max)
     };
     layout.groups.par_iter().map(of_group).collect()
 }
@@ -145,14 +144,6 @@ pub(super) fn piece_errors(scene: &Scene, layout: &Layout) -> Vec<f64> {
 pub(super) fn stretch(placement: &Placement) -> f64 {
     let m = placement.transform.matrix3;
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
-}
-
-/// How far rounding moves a corner.
-fn moved(into: &DAffine3, corner: Vec3) -> f64 {
-    let exact = into.transform_point3(corner.as_dvec3());
-    let moved = exact.as_vec3().as_dvec3().distance(exact);
-    // A position that overflows single precision is off by more than any limit.
-    if moved.is_finite() { moved } else { f64::INFINITY }
 }
 
 /// World box of a group's triangles.

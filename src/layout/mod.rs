@@ -8,6 +8,7 @@ mod check;
 mod order;
 mod per_geometry;
 mod placed_trees;
+pub mod store;
 mod stored;
 #[cfg(test)]
 pub(crate) mod test_scenes;

@@ -18,5 +18,6 @@ mod mutations;
 mod reports;
 mod roundtrip;
 mod samples;
+mod store;
 mod validator;
 mod verify;

@@ -1,0 +1,298 @@
+//! What a layout stores: the triangles of a group, where each comes from, and its corners in the group's coordinates.
+//!
+//! Everything that measures, limits, races or writes a group reads it here, so that all of them see the same numbers.
+
+use std::ops::Range;
+
+use glam::{DAffine3, DVec3, Vec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use super::{Content, GroupGeometry};
+use crate::scene::{Bounds, Geometry, MeshId, Origin, Scene, TriangleRef};
+
+/// The triangles of a group in the order in which they are written.
+pub struct Store<'a> {
+    scene: &'a Scene,
+    content: &'a Content,
+    /// For each geometry the number of its first triangle, counted through; then the number of all triangles.
+    starts: Vec<usize>,
+    /// Group from world for what is baked, else group from mesh.
+    into: DAffine3,
+}
+
+impl<'a> Store<'a> {
+    /// The store of what a group holds.
+    pub fn new(scene: &'a Scene, content: &'a Content) -> Self {
+        let (counts, into): (Vec<usize>, DAffine3) = match content {
+            Content::Kept(mesh) => {
+                let geometries = &scene.meshes[mesh.0 as usize].geometries;
+                (geometries.iter().map(|g| g.triangles.len()).collect(), DAffine3::IDENTITY)
+            }
+            Content::Piece { frame, geometries, .. } | Content::Baked { frame, geometries } => {
+                (geometries.iter().map(|g| g.triangles.len()).collect(), frame.inverse())
+            }
+        };
+        let mut starts = vec![0];
+        starts.extend(counts.iter().scan(0, |sum, count| {
+            *sum += count;
+            Some(*sum)
+        }));
+        Store { scene, content, starts, into }
+    }
+
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.starts[self.geometries()]
+    }
+
+    /// Whether there are no triangles.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of geometries.
+    pub fn geometries(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The triangles of a geometry, counted through all geometries.
+    pub fn of_geometry(&self, geometry: usize) -> Range<usize> {
+        self.starts[geometry]..self.starts[geometry + 1]
+    }
+
+    /// Whether positions are stored as they are in the scene's meshes.
+    pub fn is_exact(&self) -> bool {
+        !matches!(self.content, Content::Baked { .. }) && self.into == DAffine3::IDENTITY
+    }
+
+    /// Corners of a triangle in the coordinates of the group, before they are rounded to single precision; in the order
+    /// of the mesh that the triangle is taken from, also if that is mirrored.
+    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        let geometry = self.starts.partition_point(|&start| start <= triangle) - 1;
+        let at = triangle - self.starts[geometry];
+        match self.content {
+            Content::Kept(mesh) => {
+                self.scene.meshes[mesh.0 as usize].geometries[geometry].corners(at).map(|p| p.as_dvec3())
+            }
+            Content::Piece { geometries, .. } | Content::Baked { geometries, .. } => {
+                self.corners_of(geometries[geometry].triangles[at])
+            }
+        }
+    }
+
+    /// As [`Store::corners`], of a triangle of the scene.
+    pub fn corners_of(&self, at: TriangleRef) -> [DVec3; 3] {
+        let origin = self.origin(at);
+        let corners = self.scene.meshes[origin.mesh.0 as usize].corners(origin.triangle).map(|p| p.as_dvec3());
+        match self.group_from_mesh(&origin) {
+            Some(into) => corners.map(|p| into.transform_point3(p)),
+            None => corners,
+        }
+    }
+
+    /// The box of every triangle, in the coordinates of the group.
+    pub fn boxes(&self) -> Vec<Bounds> {
+        (0..self.len()).into_par_iter().map(|t| Bounds::of(self.corners(t))).collect()
+    }
+
+    /// The box around all triangles, in the coordinates of the group.
+    pub fn bounds(&self) -> Bounds {
+        let boxes = (0..self.len()).into_par_iter().map(|t| Bounds::of(self.corners(t)));
+        boxes.reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
+    }
+
+    /// The vertices of a geometry, numbered in the order of first use. `visit` is told of every triangle, in order: the
+    /// number of its part, the part, and its number in the part's geometry.
+    pub fn vertices(&self, of: &GroupGeometry, mut visit: impl FnMut(u32, &Part<'a>, usize)) -> Vertices<'a> {
+        let mut numbering = Numbering::default();
+        let mut vertices =
+            Vertices { parts: Vec::new(), list: Vec::new(), triangles: Vec::with_capacity(of.triangles.len()) };
+        for &at in &of.triangles {
+            let origin = self.origin(at);
+            let (geometry, triangle) = self.scene.meshes[origin.mesh.0 as usize].locate(origin.triangle);
+            let instance = self.instance_of(at);
+            let next = vertices.parts.len() as u32;
+            let number = *numbering.parts.entry((instance.unwrap_or(0), geometry as u32)).or_insert(next);
+            if number == next {
+                vertices.parts.push(self.part(instance, &origin, geometry));
+            }
+            let part = &vertices.parts[number as usize];
+            visit(number, part, triangle);
+            let list = &mut vertices.list;
+            vertices.triangles.push(part.corners(triangle).map(|vertex| {
+                *numbering.vertices.entry((number, vertex)).or_insert_with(|| {
+                    list.push((number, vertex));
+                    list.len() as u32 - 1
+                })
+            }));
+        }
+        vertices
+    }
+
+    /// The instance that a triangle is stored for; `None` if it is stored for all instances of its mesh.
+    fn instance_of(&self, at: TriangleRef) -> Option<u32> {
+        matches!(self.content, Content::Baked { .. }).then_some(at.instance)
+    }
+
+    /// Where a triangle is taken from. What is baked comes from the mesh that the document places, so that a mesh that
+    /// stands in for a copy adds no error of its own; a piece is shared by all instances of its mesh.
+    fn origin(&self, at: TriangleRef) -> Origin {
+        match self.content {
+            Content::Kept(mesh) | Content::Piece { mesh, .. } => {
+                Origin { mesh: *mesh, triangle: at.triangle, transform: DAffine3::IDENTITY }
+            }
+            Content::Baked { .. } => self.scene.origin(at),
+        }
+    }
+
+    /// The transform from where a triangle is taken from into the group; `None` if positions stay as they are.
+    fn group_from_mesh(&self, origin: &Origin) -> Option<DAffine3> {
+        let transform = match self.content {
+            Content::Baked { .. } => self.into * origin.transform,
+            Content::Kept(_) | Content::Piece { .. } => self.into,
+        };
+        (transform != DAffine3::IDENTITY).then_some(transform)
+    }
+
+    fn part(&self, instance: Option<u32>, origin: &Origin, geometry: usize) -> Part<'a> {
+        let group_from_mesh = self.group_from_mesh(origin);
+        Part {
+            instance,
+            mesh: origin.mesh,
+            number: geometry,
+            geometry: &self.scene.meshes[origin.mesh.0 as usize].geometries[geometry],
+            group_from_mesh,
+            mirrored: group_from_mesh.is_some_and(|t| t.matrix3.determinant() < 0.0),
+        }
+    }
+}
+
+/// How far rounding moves a position, in units of the group. A position that overflows single precision is off by
+/// infinity, which is more than any limit.
+pub fn rounding_error(exact: DVec3) -> f64 {
+    let moved = exact.as_vec3().as_dvec3().distance(exact);
+    if moved.is_finite() { moved } else { f64::INFINITY }
+}
+
+/// The vertices of a geometry of a group, each stored once: drivers join triangles that share them.
+pub struct Vertices<'a> {
+    /// What the triangles are taken from, in the order of first use.
+    pub parts: Vec<Part<'a>>,
+    /// For each vertex its part, and its number in the part's geometry.
+    pub list: Vec<(u32, u32)>,
+    /// For each triangle its vertices, counter-clockwise from the front.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Numbers that are given out in the order of first use.
+#[derive(Default)]
+struct Numbering {
+    /// By instance (0 for a piece) and geometry.
+    parts: FxHashMap<(u32, u32), u32>,
+    /// By part and vertex of its geometry.
+    vertices: FxHashMap<(u32, u32), u32>,
+}
+
+/// A geometry of the scene, as an instance of it is stored in a group.
+pub struct Part<'a> {
+    /// The instance; `None` if the geometry is stored for all instances of its mesh.
+    pub instance: Option<u32>,
+    /// Its mesh.
+    pub mesh: MeshId,
+    /// Its index in the mesh.
+    pub number: usize,
+    /// The geometry.
+    pub geometry: &'a Geometry,
+    /// Group from mesh; `None` if positions stay as they are.
+    pub group_from_mesh: Option<DAffine3>,
+    /// Whether that turns left hands into right hands.
+    pub mirrored: bool,
+}
+
+impl Part<'_> {
+    /// Where a vertex is in the group, before it is rounded.
+    pub fn exact(&self, vertex: u32) -> DVec3 {
+        let position = self.geometry.positions[vertex as usize].as_dvec3();
+        self.group_from_mesh.map_or(position, |into| into.transform_point3(position))
+    }
+
+    /// The position of a vertex as it is stored: computed in double precision and rounded once.
+    pub fn stored(&self, vertex: u32) -> Vec3 {
+        self.exact(vertex).as_vec3()
+    }
+
+    /// The vertices of a triangle, counter-clockwise from the front as the group shows it.
+    fn corners(&self, triangle: usize) -> [u32; 3] {
+        let [a, b, c] = self.geometry.triangles[triangle];
+        if self.mirrored { [a, c, b] } else { [a, b, c] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::test_scenes::*;
+
+    fn geometry(triangles: &[(u32, u32)]) -> GroupGeometry {
+        let triangles = triangles.iter().map(|&(instance, triangle)| TriangleRef { instance, triangle }).collect();
+        GroupGeometry { triangles, ..GroupGeometry::default() }
+    }
+
+    /// One mesh of eight triangles, placed aside.
+    fn placed_aside(placed: DAffine3) -> Scene {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("row", vec![(0, row(Vec3::ZERO, 8))]);
+        builder.place(mesh, "row", placed);
+        builder.scene()
+    }
+
+    #[test]
+    fn corners_are_those_of_the_mesh_or_of_the_frame() {
+        let placed = at(5.0, 6.0, 7.0);
+        let scene = placed_aside(placed);
+        let mesh_corners = |t| scene.meshes[0].corners(t).map(|p| p.as_dvec3());
+
+        let kept = Content::Kept(MeshId(0));
+        let kept = Store::new(&scene, &kept);
+        assert_eq!(kept.corners(3), mesh_corners(3));
+        assert!(kept.is_exact());
+
+        let geometries = vec![geometry(&[(0, 5)]), geometry(&[]), geometry(&[(0, 2), (0, 1)])];
+        let piece = Content::Piece { mesh: MeshId(0), frame: DAffine3::IDENTITY, geometries };
+        let piece = Store::new(&scene, &piece);
+        assert_eq!((piece.len(), piece.of_geometry(2)), (3, 1..3));
+        assert_eq!([0, 1, 2].map(|t| piece.corners(t)), [5, 2, 1].map(mesh_corners));
+
+        let baked = |frame| Content::Baked { frame, geometries: vec![geometry(&[(0, 4)])] };
+        assert_eq!(Store::new(&scene, &baked(placed)).corners(0), mesh_corners(4));
+        let world = baked(DAffine3::IDENTITY);
+        let world = Store::new(&scene, &world);
+        assert_eq!(world.corners(0), scene.world_corners(TriangleRef { instance: 0, triangle: 4 }));
+        assert_eq!(world.bounds(), Bounds::of(world.corners(0)));
+        assert!(!world.is_exact());
+    }
+
+    #[test]
+    fn vertices_are_numbered_by_first_use_and_turned_over_where_mirrored() {
+        let scene = placed_aside(DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
+        let of = geometry(&[(0, 5), (0, 2), (0, 5)]);
+        let content = Content::Baked { frame: DAffine3::IDENTITY, geometries: vec![of.clone()] };
+        let mut visited = Vec::new();
+        let vertices = Store::new(&scene, &content).vertices(&of, |part, _, triangle| visited.push((part, triangle)));
+        assert_eq!(visited, [(0, 5), (0, 2), (0, 5)]);
+        assert_eq!(vertices.triangles, [[0, 1, 2], [3, 4, 5], [0, 1, 2]]);
+        assert_eq!(vertices.list, [15, 17, 16, 6, 8, 7].map(|vertex| (0, vertex)));
+        let part = &vertices.parts[0];
+        assert_eq!((part.instance, part.mirrored), (Some(0), true));
+        let position = scene.meshes[0].geometries[0].positions[15];
+        assert_eq!(part.stored(15), position * Vec3::new(-1.0, 1.0, 1.0));
+    }
+
+    #[test]
+    fn what_overflows_is_off_by_infinity() {
+        assert_eq!(rounding_error(DVec3::splat(0.5)), 0.0);
+        assert_eq!(rounding_error(DVec3::splat(1e300)), f64::INFINITY);
+        assert!((rounding_error(DVec3::X * 0.1) - 1.49e-9).abs() < 1e-11);
+    }
+}
