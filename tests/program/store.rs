@@ -68,11 +68,8 @@ fn assert_raced_as_written(document: &Document, scene: &Scene, sample: &str) {
 
 #[test]
 fn what_is_raced_is_what_is_written() {
-    let options = copies::Options {
-        likeness: Likeness::Rigid,
-        max_position_error_ratio: MAX_ERROR_RATIO,
-        least_saved_bytes: 0,
-    };
+    let options =
+        copies::Options { likeness: Likeness::Rigid, max_position_error_ratio: MAX_ERROR_RATIO, least_saved_bytes: 0 };
     for sample in samples() {
         let (document, mut scene) = load(&sample.scene);
         assert_raced_as_written(&document, &scene, &sample.name);
