@@ -38,7 +38,7 @@ pub fn run() -> ExitCode {
         heap::limit();
         interrupt::heed();
     }
-    let done = dispatch(&arguments);
+    let done = in_pool(arguments.output.threads, || dispatch(&arguments));
     // Where a signal took the staged files away, it ends the program, not an error that comes of that.
     drop(Hold::new());
     match done {
@@ -50,10 +50,18 @@ pub fn run() -> ExitCode {
     }
 }
 
+/// Stack of a thread, in bytes: what main threads have.
+const STACK: usize = 8 << 20;
+
+/// Runs a whole command inside one thread pool. A parallel loop that is started outside of it hands every piece of work over
+/// through a queue and waits for it asleep, which costs several system calls each time.
+fn in_pool(threads: Option<u16>, command: impl FnOnce() -> Result<ExitCode> + Send) -> Result<ExitCode> {
+    let threads = threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build().context("--threads")?;
+    pool.install(command)
+}
+
 fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
-    if let Some(threads) = arguments.output.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global().context("--threads")?;
-    }
     match &arguments.command {
         Command::Bake(bake) => run_bake(bake, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
