@@ -16,6 +16,7 @@ pub mod emit;
 pub mod lab;
 pub mod layout;
 pub mod methods;
+mod parallel;
 pub mod report;
 pub mod scene;
 pub mod tree;

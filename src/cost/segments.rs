@@ -9,6 +9,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::surface::{self, SplitMix64};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Mesh, Scene};
 use crate::tree::{Quality, Tree};
 
@@ -77,7 +78,8 @@ impl Boxed {
     /// Builds a tree over the triangles of a mesh, in its coordinates.
     pub fn of_mesh(mesh: &Mesh, quality: Quality) -> Boxed {
         let triangle = |t: u32| Bounds::of(mesh.corners(t).map(|p| p.as_dvec3()));
-        let boxes: Vec<Bounds> = (0..mesh.triangle_count() as u32).into_par_iter().map(triangle).collect();
+        let boxes: Vec<Bounds> =
+            (0..mesh.triangle_count() as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(triangle).collect();
         Boxed::build(&boxes, quality)
     }
 

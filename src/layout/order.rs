@@ -8,6 +8,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::layout::{Content, Group, GroupGeometry, Layout, PlacedTrees, Placement};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Scene, TriangleRef};
 use crate::tree::{Quality, Tree};
 
@@ -118,7 +119,9 @@ fn order_items(count: usize, bounds: &Boxes) -> Ordered {
     let around = around(count, bounds);
     let items = match count > TREE_TRIANGLES {
         true => along_morton_curve(count, bounds, &around),
-        false => tree_order(&(0..count as u32).into_par_iter().map(bounds).collect::<Vec<_>>()),
+        false => {
+            tree_order(&(0..count as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(bounds).collect::<Vec<_>>())
+        }
     };
     Ordered { items, bounds: around, tree: None }
 }
@@ -137,7 +140,11 @@ fn order_by(known: Option<&Tree>, count: usize, bounds: &Boxes) -> Ordered {
 }
 
 fn around(count: usize, bounds: &Boxes) -> Bounds {
-    (0..count as u32).into_par_iter().map(bounds).reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
+    (0..count as u32)
+        .into_par_iter()
+        .with_min_len(CHEAP_ELEMENTS)
+        .map(bounds)
+        .reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
 }
 
 /// The items by the Morton codes of their boxes' centres, 21 bits an axis, then by number.
@@ -149,7 +156,8 @@ fn along_morton_curve(count: usize, bounds: &Boxes, around: &Bounds) -> Vec<u32>
         let cell = (bounds(i).center() - around.min) * cells_per_unit;
         spread_bits(cell.x as u64) | spread_bits(cell.y as u64) << 1 | spread_bits(cell.z as u64) << 2
     };
-    let mut codes: Vec<(u64, u32)> = (0..count as u32).into_par_iter().map(|i| (code(i), i)).collect();
+    let mut codes: Vec<(u64, u32)> =
+        (0..count as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(|i| (code(i), i)).collect();
     codes.par_sort_unstable();
     codes.into_iter().map(|(_, i)| i).collect()
 }

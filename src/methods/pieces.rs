@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::layout::builder::{Builder, Geometries, Object, group_name, objects};
 use crate::methods::instancing::Selection;
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Geometry, Scene, TriangleRef};
 
 /// A triangle as far as dividing needs it.
@@ -119,7 +120,7 @@ impl<'a> Pieces<'a> {
                 let corners = scene.world_corners(TriangleRef { instance: object.instance, triangle });
                 Item::new(corners, middle, triangle)
             };
-            self.items[at] = (first..first + count).into_par_iter().map(item).collect();
+            self.items[at] = (first..first + count).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(item).collect();
         }
     }
 

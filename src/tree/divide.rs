@@ -8,6 +8,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Node, Tree};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::Bounds;
 
 /// Bins along each axis.
@@ -64,7 +65,8 @@ fn in_two(members: Vec<u32>, depth: u32, bounds: &(impl Fn(u32) -> Bounds + Sync
         .then(|| members.par_chunks(CHUNK).map(bins_of).reduce(|| Bins::EMPTY, Bins::join).best())
         .flatten();
     let Some(split) = split else { return halves(members, &centers, bounds) };
-    let goes_left: Vec<bool> = members.par_iter().map(|&i| grid.bin(&bounds(i))[split.axis] < split.at).collect();
+    let goes_left: Vec<bool> =
+        members.par_iter().with_min_len(CHEAP_ELEMENTS).map(|&i| grid.bin(&bounds(i))[split.axis] < split.at).collect();
     let side = |left: bool| members.iter().zip(&goes_left).filter(|m| *m.1 == left).map(|m| *m.0).collect();
     (side(true), side(false))
 }

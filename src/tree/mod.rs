@@ -15,6 +15,7 @@ use obvhs::{Boundable, BvhBuildParams};
 use rayon::prelude::*;
 
 use self::divide::{divide, joined};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::Bounds;
 
 /// How much time to spend on a tree.
@@ -109,7 +110,8 @@ impl Tree {
     /// As [`Tree::build_usable`], of boxes that are computed, several times each, when they are needed.
     pub fn build_from(count: usize, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
         let usable = |b: Bounds| !b.is_empty() && b.min.abs().max(b.max.abs()).max_element() < LARGEST;
-        let members = (0..count as u32).into_par_iter().filter(|&i| usable(bounds(i))).collect();
+        let members =
+            (0..count as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).filter(|&i| usable(bounds(i))).collect();
         build_members(members, quality, bounds)
     }
 

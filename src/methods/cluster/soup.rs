@@ -4,6 +4,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::layout::builder::Object;
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Scene, TriangleRef};
 
 /// Placed triangles. Corners are seen from the middle of the scene, in half diagonals of the scene, where single
@@ -32,7 +33,8 @@ impl Soup {
             soup.objects.push(soup.refs.len() as u32);
         }
         let seen = |p: DVec3| ((p - middle) * unit).as_vec3();
-        soup.corners = soup.refs.par_iter().map(|&at| scene.world_corners(at).map(seen)).collect();
+        soup.corners =
+            soup.refs.par_iter().with_min_len(CHEAP_ELEMENTS).map(|&at| scene.world_corners(at).map(seen)).collect();
         soup
     }
 

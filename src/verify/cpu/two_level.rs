@@ -15,6 +15,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::sah::{FaceAreas, TRAVERSAL};
 use crate::cost::share;
 use crate::cost::two_level::{INSTANCE_ENTRY, face_scale};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Geometry, Instance, Mesh, MeshId, Scene};
 use crate::tree::{Quality, Tree};
 use crate::verify::rounding::{Magnitude, SINGLE};
@@ -167,7 +168,7 @@ impl Bottom {
         Bottom {
             bounds: nodes.first().copied().unwrap_or(Bounds::EMPTY),
             nodes: boxed(&tree, &nodes),
-            corners: tree.order.par_iter().map(|&t| corners(t)).collect(),
+            corners: tree.order.par_iter().with_min_len(CHEAP_ELEMENTS).map(|&t| corners(t)).collect(),
             depth: tree.depth(),
             order: tree.into_owned().order,
             scale,
@@ -208,7 +209,8 @@ impl Entry {
 fn distinct(mesh: &Mesh) -> Vec<u32> {
     let key = |t: u32| (mesh.locate(t).0, mesh.corners(t).map(|p| p.to_array().map(f32::to_bits)));
     let hash = |t: u32| FxBuildHasher.hash_one(key(t));
-    let mut hashed: Vec<(u64, u32)> = (0..mesh.triangle_count() as u32).into_par_iter().map(|t| (hash(t), t)).collect();
+    let mut hashed: Vec<(u64, u32)> =
+        (0..mesh.triangle_count() as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(|t| (hash(t), t)).collect();
     hashed.par_sort_unstable();
     // Triangles that share a hash by chance stay: a test too many changes nothing.
     let differ = |pair: &&[(u64, u32)]| pair[0].0 != pair[1].0 || key(pair[0].1) != key(pair[1].1);
