@@ -8,11 +8,13 @@
 //! Reading and writing files is the crate `raykiln-formats`.
 
 pub mod choose;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod commands;
 pub mod copies;
 pub mod cost;
 pub mod emit;
+#[cfg(feature = "lab")]
 pub mod lab;
 pub mod layout;
 pub mod methods;

@@ -57,6 +57,7 @@ pub(super) enum Command {
     Verify(Box<CompareArguments>),
     /// Show what a scene is made of, what it costs, and which vendor rules it breaks
     Inspect(InspectArguments),
+    #[cfg(feature = "lab")]
     /// Lay out, trace and time many scenes in many layouts; fit the prices by which layouts are ranked
     #[command(after_help = "docs/lab.md describes the configuration and the tables.")]
     Lab {
@@ -80,10 +81,12 @@ pub(super) enum Command {
 }
 
 impl Command {
-    /// Whether it may take much memory.
+    /// Whether it reads scenes, and so may stage files.
     pub(super) fn reads_scenes(&self) -> bool {
         match self {
-            Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) | Command::Lab { .. } => true,
+            Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) => true,
+            #[cfg(feature = "lab")]
+            Command::Lab { .. } => true,
             Command::Devices { .. } | Command::Completions { .. } | Command::Man => false,
         }
     }

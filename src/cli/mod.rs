@@ -1,13 +1,14 @@
 //! The command line: parses it, runs the command, prints its result, and turns it into an exit status.
 
 mod args;
-mod heap;
 mod interrupt;
+#[cfg(feature = "lab")]
+mod lab;
 mod progress;
 mod reports;
 
+use std::fmt;
 use std::io::{self, Write};
-use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
@@ -18,7 +19,6 @@ use raykiln_formats::staging::Hold;
 use crate::commands::bake::{self, BakeOptions, Baked};
 use crate::commands::inspect;
 use crate::commands::verify;
-use crate::lab;
 use crate::report;
 use crate::scene::LoadOptions;
 use crate::verify::verdict::Verdict;
@@ -35,7 +35,6 @@ const BAD: u8 = 2;
 pub fn run() -> ExitCode {
     let arguments = Arguments::parse();
     if arguments.command.reads_scenes() {
-        heap::limit();
         interrupt::heed();
     }
     let done = in_pool(arguments.output.threads, || dispatch(&arguments));
@@ -44,7 +43,7 @@ pub fn run() -> ExitCode {
     match done {
         Ok(status) => status,
         Err(e) => {
-            report::text::error(&format!("{e:#}"));
+            print_error(format_args!("{e:#}"));
             ExitCode::from(BAD)
         }
     }
@@ -66,7 +65,8 @@ fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
         Command::Bake(bake) => run_bake(bake, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
-        Command::Lab { config } => run_lab(config, &arguments.output),
+        #[cfg(feature = "lab")]
+        Command::Lab { config } => lab::run(config, &arguments.output),
         Command::Devices { json } => {
             let report = report::DevicesReport::of_this_machine();
             let text = if *json { report::json::to_json(&report) } else { report::text::devices(&report) };
@@ -96,11 +96,11 @@ fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
     }
     put_in_place(scene, reports)?;
     if !output.quiet {
-        report::text::bake(&report, output.verbose > 0);
+        print_for_people(&report::text::bake(&report, output.verbose > 0));
     }
     Ok(match report.verdict {
         Verdict::Failed => {
-            report::text::error(&format!("{}: verification failed: {}", report.output.display(), report.verify));
+            print_error(format_args!("{}: verification failed: {}", report.output.display(), report.verify));
             ExitCode::from(FAILED)
         }
         _ => ExitCode::SUCCESS,
@@ -131,7 +131,7 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     }
     reports.commit()?;
     if report.verdict == Verdict::Failed {
-        report::text::error(&format!("{}: verification failed: {}", report.output.display(), report.verify));
+        print_error(format_args!("{}: verification failed: {}", report.output.display(), report.verify));
         return Ok(ExitCode::from(FAILED));
     }
     Ok(ExitCode::SUCCESS)
@@ -156,28 +156,6 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     Ok(ExitCode::SUCCESS)
 }
 
-fn run_lab(config: &Path, output: &Output) -> Result<ExitCode> {
-    let mut progress = Progress::new(output.quiet);
-    let done = lab::run(config, &mut |scene| {
-        progress.enter(scene.to_owned());
-        if output.verbose > 0 {
-            report::text::note(scene);
-        }
-    });
-    progress.finish();
-    let done = done?;
-    if !output.quiet {
-        print(done.text.as_bytes())?;
-        let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
-        done.notes.iter().chain(warnings).for_each(|note| report::text::note(note));
-    }
-    if let Some(Err(why)) = done.fit {
-        report::text::error(&format!("{why}; what was measured is in {}", done.out.display()));
-        return Ok(ExitCode::from(FAILED));
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
 /// The manual: a page of the program and one of each command.
 fn manual() -> Result<Vec<u8>> {
     let mut command = Arguments::command();
@@ -197,4 +175,14 @@ fn print(bytes: &[u8]) -> Result<ExitCode> {
         Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(e).context("standard output cannot be written to"),
         _ => Ok(ExitCode::SUCCESS),
     }
+}
+
+/// Prints an error on standard error.
+fn print_error(message: fmt::Arguments<'_>) {
+    print_for_people(&format!("error: {message}\n"));
+}
+
+/// Prints on standard error. Work continues when it cannot be written to.
+fn print_for_people(text: &str) {
+    let _ = io::stderr().lock().write_all(text.as_bytes());
 }

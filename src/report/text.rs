@@ -1,7 +1,6 @@
 //! Reports as text for people.
 
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
 
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
 use super::{Severity, Speed, VerifyReport, candidates, verdict};
@@ -16,28 +15,8 @@ use crate::words::{bytes, counted, grouped};
 /// Warnings and notes that are shown without `-v`.
 const FEW: usize = 3;
 
-/// Prints an error on standard error.
-pub fn error(message: &str) {
-    print(&format!("error: {message}\n"));
-}
-
-/// Prints a note on standard error.
-pub fn note(message: &str) {
-    print(&format!("note: {message}\n"));
-}
-
-/// Prints a bake's report on standard error.
-pub fn bake(report: &BakeReport, verbose: bool) {
-    print(&bake_text(report, verbose));
-}
-
-/// Prints on standard error. That it cannot be written to changes nothing of what is done.
-fn print(text: &str) {
-    let _ = io::stderr().lock().write_all(text.as_bytes());
-}
-
 /// A bake's report as text.
-pub fn bake_text(report: &BakeReport, verbose: bool) -> String {
+pub fn bake(report: &BakeReport, verbose: bool) -> String {
     let mut text = format!("{} -> {}\n", report.input.path.display(), report.output.display());
     text += &input_line(&report.input);
     text += &list("warning", &report.warnings, verbose);

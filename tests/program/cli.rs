@@ -2,10 +2,8 @@
 
 use crate::common::{METHODS, folder_names, raykiln, samples, write};
 use serde_json::Value;
-use std::fmt::Write;
 use std::fs;
 use std::path::PathBuf;
-use std::process::Command;
 use tempfile::TempDir;
 
 fn sample(name: &str) -> PathBuf {
@@ -329,41 +327,4 @@ fn patterns_that_match_nothing_are_told() {
     assert!(!ran.stderr.contains("`crate 0.*`"), "{}", ran.stderr);
     let (ran, _folder) = bake_heaps(&[&keep[..], &["--json"]].concat());
     assert_eq!(ran.json()["warnings"].as_array().map(Vec::len), Some(2));
-}
-
-#[cfg(all(target_os = "linux", target_env = "gnu"))]
-#[test]
-fn freed_memory_is_given_back_unless_the_environment_says_otherwise() {
-    let folder = TempDir::new().unwrap();
-    let side = 300;
-    let mut text = String::new();
-    for (i, j) in (0..=side).flat_map(|i| (0..=side).map(move |j| (i, j))) {
-        let height = f64::from(i * j % 17) * 0.1;
-        writeln!(text, "v {i} {height} {j}").expect("a string takes all");
-    }
-    for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
-        let at = i * (side + 1) + j + 1;
-        writeln!(text, "f {} {} {}\nf {} {} {}", at, at + 1, at + side + 2, at, at + side + 2, at + side + 1)
-            .expect("a string takes all");
-    }
-    let input = write(folder.path(), "hills.obj", text);
-    // What the environment of the process says while it bakes, which is that of the program started anew.
-    let threshold = |limits: &[(&str, &str)]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_raykiln"));
-        command.args(["bake", "--device", "cpu", "--rays", "500", "--repeats", "1", "--threads", "2", "--quiet"]);
-        command.arg(&input).arg("-o").arg(folder.path().join("out.glb")).envs(limits.iter().copied());
-        let mut child = command.spawn().expect("the program starts");
-        let mut found = None;
-        while child.try_wait().expect("a status").is_none() {
-            let environment = fs::read(format!("/proc/{}/environ", child.id())).unwrap_or_default();
-            let mut variables = environment.split(|&byte| byte == 0);
-            let value = variables.find_map(|v| v.strip_prefix(b"MALLOC_MMAP_THRESHOLD_="));
-            found = value.map(|value| String::from_utf8_lossy(value).into_owned()).or(found);
-            std::thread::sleep(std::time::Duration::from_millis(1));
-        }
-        assert!(child.wait().expect("a status").success());
-        found
-    };
-    assert_eq!(threshold(&[]).as_deref(), Some("1048576"));
-    assert_eq!(threshold(&[("MALLOC_MMAP_THRESHOLD_", "33554432")]).as_deref(), Some("33554432"));
 }

@@ -7,12 +7,15 @@ mod auto;
 mod bad_input;
 mod cli;
 mod determinism;
+#[cfg(feature = "vulkan")]
 mod device_hits;
+#[cfg(feature = "vulkan")]
 mod devices;
 #[cfg(target_os = "linux")]
 mod endings;
 mod faults;
 mod instancing;
+#[cfg(feature = "lab")]
 mod lab;
 mod mutations;
 mod reports;
