@@ -1,9 +1,20 @@
 #!/usr/bin/env bash
-# The test command: formatting, lints, documentation and every test, from a fresh checkout on. Needs cargo with the
-# components rustfmt and clippy; installs (with apt-get, where they are missing) Node.js and a software driver of Vulkan
-# that traces rays, and, below target/, the Khronos glTF validator. Runs every step even when one fails; exit status 0 only if all succeeded.
+# The test command: formatting, lints, features, documentation and every test. Runs every step even when one fails; exit status 0
+# only if all succeeded. Needs cargo with the components rustfmt and clippy, and what `missing` lists below.
+#
+#   tests/all.sh             fails at once if something is missing, and says how to get it
+#   tests/all.sh --install   says what it installs and where, installs it, then runs; so does CI=true tests/all.sh
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
+
+case "$*" in
+  '') install=${CI:-} ;;
+  --install) install=yes ;;
+  *)
+    echo "usage: tests/all.sh [--install]" >&2
+    exit 2
+    ;;
+esac
 
 failed=()
 
@@ -15,29 +26,73 @@ step() {
   "$@" || failed+=("$name")
 }
 
+has_node() {
+  command -v node >/dev/null && command -v npm >/dev/null
+}
+
+has_validator() {
+  [ -d target/npm/node_modules/gltf-validator ] && cmp -s tests/package-lock.json target/npm/package-lock.json
+}
+
+# What the tests need and this machine lacks, a line each, with what `--install` does about it.
+missing() {
+  has_node || echo "Node.js and npm: apt-get install nodejs npm"
+  has_validator || echo "the Khronos glTF validator: npm ci, into target/npm"
+  sh tests/install_vulkan.sh --missing
+}
+
 install_node() {
-  command -v node >/dev/null && command -v npm >/dev/null && return
+  has_node && return
   local as_root=()
   [ "$(id -u)" -eq 0 ] || as_root=(sudo)
   "${as_root[@]}" apt-get update && "${as_root[@]}" apt-get install -y --no-install-recommends nodejs npm
 }
 
 install_validator() {
-  local into=target/npm
-  [ -d $into/node_modules/gltf-validator ] && cmp -s tests/package-lock.json $into/package-lock.json && return
-  mkdir -p $into && cp tests/package.json tests/package-lock.json $into/ && (cd $into && npm ci)
+  has_validator && return
+  mkdir -p target/npm && cp tests/package.json tests/package-lock.json target/npm/ && (cd target/npm && npm ci)
 }
 
-set_up() {
+install_missing() {
   install_node && install_validator && node --version && sh tests/install_vulkan.sh
 }
+
+# Each feature alone, and none: the library, the tests, the examples and, with `cli`, the program.
+check_features() {
+  local features
+  for features in "" cli lab vulkan; do
+    echo "features: ${features:-none}"
+    cargo clippy --quiet --all-targets --locked --no-default-features --features "$features" -- -D warnings || return
+  done
+}
+
+# The test `dependencies` reads deny.toml as well; cargo-deny, which takes long to install, has the last word where it is there.
+check_dependencies() {
+  if cargo deny --version 2>/dev/null; then
+    cargo deny --offline --locked check licenses bans
+  else
+    echo "cargo-deny is not installed (cargo install --locked cargo-deny): left to the test \`dependencies\`"
+  fi
+}
+
+lacking=$(missing)
+if [ -n "$lacking" ]; then
+  printf 'missing on this machine:\n%s\n' "$lacking"
+  if [ -z "$install" ]; then
+    printf '\n`tests/all.sh --install` installs this.\n'
+    exit 1
+  fi
+  printf '\ninstalling it\n'
+  step "set-up" install_missing
+fi
 
 # Random cases are the same in every run; PROPTEST_RNG_SEED=N tests/all.sh draws others.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 
-step "set-up" set_up
 step "formatting" cargo fmt --all --check
 step "lints" cargo clippy --workspace --all-targets --locked -- -D warnings
+step "features" check_features
+step "dependencies" check_dependencies
 step "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --workspace --locked
 step "tests" cargo test --workspace --locked --no-fail-fast
 

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Installs what the Vulkan tests need on Debian or Ubuntu: the loader, the validation layer, glslang, and a software
-# driver (lavapipe) of Mesa 25 or later, which can trace rays. Does nothing where all of it is there. Needs root or sudo.
+# driver (lavapipe) of Mesa 24.1 or later, which can trace rays. Does nothing if all of it is there. Needs root or sudo.
+# With --missing it installs nothing and lists what it would do.
 set -eu
 
 wanted="libvulkan1 vulkan-validationlayers glslang-tools mesa-vulkan-drivers"
@@ -36,6 +37,26 @@ add_backports() {
     root apt-get update -qq
 }
 
+# What is not there yet, a line each.
+list_missing() {
+    for package in libvulkan1 vulkan-validationlayers glslang-tools; do
+        [ -n "$(version "$package")" ] || echo "$package: apt-get install"
+    done
+    if can_trace "$(version mesa-vulkan-drivers)"; then
+        return
+    fi
+    if can_trace "$(candidate)"; then
+        echo "mesa-vulkan-drivers $oldest_mesa or later: apt-get install"
+    else
+        echo "mesa-vulkan-drivers $oldest_mesa or later: from the release's backports, which is added to the package sources" \
+            "as /etc/apt/sources.list.d/raykiln-backports.sources and stays there; may upgrade libraries such as libdrm"
+    fi
+}
+
+if [ "${1:-}" = --missing ]; then
+    list_missing
+    exit 0
+fi
 if all_installed; then
     exit 0
 fi

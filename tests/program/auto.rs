@@ -317,3 +317,24 @@ fn only_the_relation_of_weights_counts() {
         assert!(costs.iter().zip(&close).all(|(a, b)| (a - b).abs() <= 1e-9 * a), "{scale}: {close:?} for {costs:?}");
     }
 }
+
+#[test]
+fn the_first_command_of_the_readme_finds_a_gain() {
+    let readme = include_str!("../../README.md");
+    let command = readme.lines().find_map(|line| line.strip_prefix("cargo run --release -- ")).expect("a command");
+    let folder = TempDir::new().expect("a temporary folder");
+    let out = folder.path().join("baked.glb");
+    let out = out.to_str().expect("UTF-8");
+    let words = command.split(' ').map(|word| if word == "baked.glb" { out } else { word });
+    let ran = raykiln(words.chain(["--json", "--rays", "2000", "--repeats", "1"]));
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let report = ran.json();
+    assert_eq!(report["method"]["requested"], "auto");
+    let candidates = report["method"]["candidates"].as_array().expect("candidates");
+    let cost = |name: &Value| {
+        let found = candidates.iter().find(|candidate| candidate["name"] == *name);
+        found.and_then(|candidate| candidate["predicted_cost"].as_f64()).expect("a predicted cost")
+    };
+    let chosen = cost(&report["method"]["chosen_candidate"]);
+    assert!(chosen < 0.9 * cost(&"keep".into()), "{chosen}");
+}
