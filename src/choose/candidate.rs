@@ -74,11 +74,12 @@ impl Straight {
 
 impl Laid {
     /// The scene as it would be written: the order of triangles matters to some drivers.
+    #[cfg(feature = "lab")]
     pub(crate) fn written(&self, scene: &Scene) -> Scene {
         self.written_after(scene, &Mutex::default())
     }
 
-    /// As [`Laid::written`], made of the last one where that differs by its axes alone.
+    /// The scene as it would be written, made of the last one where that differs by its axes alone.
     pub(super) fn written_after(&self, scene: &Scene, last: &Mutex<Option<Straight>>) -> Scene {
         let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
         let known = last.take().filter(|known| Arc::ptr_eq(&known.of, &self.layout));

@@ -6,6 +6,7 @@ mod copies;
 mod auto;
 mod bad_input;
 mod cli;
+mod dependencies;
 mod determinism;
 #[cfg(feature = "vulkan")]
 mod device_hits;
