@@ -93,5 +93,12 @@ fn document(class: &Class, count: usize) -> Document {
         "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": (0..count).collect::<Vec<_>>()}], "nodes": nodes,
         "meshes": meshes, "accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": bytes.len()}]
     });
-    Document { json, buffers: vec![bytes.into()], path: "cubes.gltf".into(), kind: Kind::Gltf, warnings: Vec::new() }
+    Document {
+        json,
+        buffers: vec![bytes.into()],
+        path: "cubes.gltf".into(),
+        kind: Kind::Gltf,
+        warnings: Vec::new(),
+        in_memory: None,
+    }
 }

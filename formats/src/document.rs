@@ -28,12 +28,14 @@ pub struct Document {
     pub json: Value,
     /// The bytes of `json.buffers[i]`, at least `byteLength` long.
     pub buffers: Vec<Bytes>,
-    /// The file the document was read from.
+    /// The file the document was read from, or the name that was given to its bytes.
     pub path: PathBuf,
     /// The kind of that file.
     pub kind: Kind,
     /// What the reader mended or left out.
     pub warnings: Vec<Warning>,
+    /// The bytes that the document was read from if they were in memory; it then refers to no file.
+    pub in_memory: Option<Bytes>,
 }
 
 /// Component type of an accessor, with glTF's own numbers.

@@ -1,10 +1,25 @@
 //! Errors and warnings: the file, the place in it, and the cause.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
+use std::{fmt, io};
+
+/// What sort of error it is, for programs that act on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// The system could not read or write a file.
+    Io(io::ErrorKind),
+    /// The file breaks a rule of its format.
+    Invalid,
+    /// The file needs something that is not supported, such as compressed geometry.
+    Unsupported,
+    /// The output cannot be written as asked for: its name, its place or its size.
+    Output,
+}
 
 /// Why a file could not be read or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 #[error("{}: {place}{}{cause}", file.display(), if place.is_empty() { "" } else { ": " })]
 pub struct Error {
     /// The file at fault.
@@ -13,17 +28,38 @@ pub struct Error {
     pub place: String,
     /// What is wrong there, in words.
     pub cause: String,
+    /// What sort of error it is.
+    pub kind: ErrorKind,
 }
 
 impl Error {
-    /// An error at a place in a file.
+    /// An error at a place in a file, [`ErrorKind::Invalid`].
     pub fn at(file: &Path, place: impl Into<String>, cause: impl fmt::Display) -> Self {
-        Error { file: file.to_owned(), place: place.into(), cause: cause.to_string() }
+        Error { file: file.to_owned(), place: place.into(), cause: cause.to_string(), kind: ErrorKind::Invalid }
     }
 
     /// An error of the file as a whole.
     pub fn whole(file: &Path, cause: impl fmt::Display) -> Self {
         Error::at(file, "", cause)
+    }
+
+    /// The system could not read or write a file; `what` comes before its reason.
+    pub(crate) fn io(file: &Path, what: &str, reason: &io::Error) -> Self {
+        Error::whole(file, format_args!("{what}{reason}")).of_kind(ErrorKind::Io(reason.kind()))
+    }
+
+    /// The output cannot be written as asked for.
+    pub(crate) fn output(file: &Path, cause: impl fmt::Display) -> Self {
+        Error::whole(file, cause).of_kind(ErrorKind::Output)
+    }
+
+    /// The file needs something that is not supported.
+    pub(crate) fn unsupported(self) -> Self {
+        self.of_kind(ErrorKind::Unsupported)
+    }
+
+    pub(crate) fn of_kind(self, kind: ErrorKind) -> Self {
+        Error { kind, ..self }
     }
 }
 

@@ -33,7 +33,14 @@ pub(super) fn document(nodes: Value, mesh: Value) -> Document {
         "bufferViews": [view(0, 48), view(48, 48), view(96, 64), view(160, 12)],
         "buffers": [{"byteLength": bytes.len()}]
     });
-    Document { json, buffers: vec![bytes.into()], path: "test.gltf".into(), kind: Kind::Gltf, warnings: Vec::new() }
+    Document {
+        json,
+        buffers: vec![bytes.into()],
+        path: "test.gltf".into(),
+        kind: Kind::Gltf,
+        warnings: Vec::new(),
+        in_memory: None,
+    }
 }
 
 pub(super) fn surface(material: u32) -> Value {

@@ -27,7 +27,7 @@ pub struct LoadOptions {
 /// triangle.
 pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning>), Error> {
     let keep = patterns(&options.keep).map_err(|e| Error::whole(&doc.path, format!("--keep: {e}")))?;
-    let mut contents = doc.contents(ReadOptions { strict: options.strict })?;
+    let mut contents = doc.contents(ReadOptions::default().with_strict(options.strict))?;
     let shown = walk(&contents, &keep);
     let mut warnings = unmatched(&contents, &shown, &options.keep, &keep);
     warnings.append(&mut contents.warnings);

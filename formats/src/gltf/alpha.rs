@@ -90,7 +90,9 @@ fn source(doc: &Document, at: &At<'_>, name: &str) -> Result<Image, Error> {
             let path = uri::locate(uri::folder_of(&doc.path), text, &file);
             Ok(Image::file(format!("{name} `{file}`"), path))
         }
-        Uri::Scheme(scheme) => Err(at.error(format_args!("URIs of the scheme {scheme}: are not supported"))),
+        Uri::Scheme(scheme) => {
+            Err(at.error(format_args!("URIs of the scheme {scheme}: are not supported")).unsupported())
+        }
         Uri::Malformed(cause) => Err(at.error(cause)),
     }
 }

@@ -25,7 +25,7 @@ pub(super) fn attribute_accessors<'d>(
     for (name, index) in primitive.need("attributes")?.entries()? {
         let accessor = Accessor::referred(doc, &index)?;
         if accessor.kind.starts_with("MAT") {
-            return Err(index.error("matrices are not supported as vertex attributes"));
+            return Err(index.error("matrices are not supported as vertex attributes").unsupported());
         }
         if let Some((first, other)) = all.first().filter(|(_, other)| other.count != accessor.count) {
             let cause = format!("{} vertices, but {first} has {}", accessor.count, other.count);

@@ -59,7 +59,8 @@ fn total_length(file: &Path, bytes: &[u8]) -> Result<usize, Error> {
         return Err(Error::whole(file, cause));
     };
     if version != 2 {
-        return Err(Error::at(file, "header", format!("GLB version {version} is not supported, only version 2")));
+        let cause = format!("GLB version {version} is not supported, only version 2");
+        return Err(Error::at(file, "header", cause).unsupported());
     }
     if total > bytes.len() {
         let cause = format!("truncated: the header gives {total} bytes, the file has {}", bytes.len());

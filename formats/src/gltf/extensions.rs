@@ -62,10 +62,10 @@ pub(super) fn check_required(root: &At<'_>) -> Result<(), Error> {
     for at in root.list("extensionsRequired")? {
         let name = at.string()?;
         if name == DRACO || MESHOPT.contains(&name) {
-            return Err(at.error(format_args!("{name} is required, but {COMPRESSED}")));
+            return Err(at.error(format_args!("{name} is required, but {COMPRESSED}")).unsupported());
         }
         if !is_readable(name) {
-            return Err(at.error(format_args!("the required extension {name} is not supported")));
+            return Err(at.error(format_args!("the required extension {name} is not supported")).unsupported());
         }
     }
     Ok(())

@@ -108,7 +108,7 @@ impl<'a> Images<'a> {
         if let Some(found) = self.embedded.get(file) {
             return Ok(Some(*found));
         }
-        let data: Bytes = read_regular(file).map_err(|e| Error::whole(file, e))?;
+        let data: Bytes = read_regular(file).map_err(|e| Error::io(file, "", &e))?;
         let Some(mime) = mime_type(&data) else { return Ok(None) };
         let view = packed.push(data);
         self.embedded.insert(file.to_owned(), (view, mime));

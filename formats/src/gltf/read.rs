@@ -13,17 +13,30 @@ use super::json::{At, unsigned};
 use super::uri::{self, Uri};
 use super::{binary, edit};
 use crate::document::Kind;
-use crate::{Document, Error, Warning};
+use crate::{Document, Error, ErrorKind, Warning};
 
 /// Reads a glTF or GLB file, told apart by their first bytes.
 pub(crate) fn read(path: &Path) -> Result<Document, Error> {
-    let file = Bytes::from(fs::read(path).map_err(|e| Error::whole(path, e))?);
-    let (json, bin, kind, mut warnings) = open(path, &file)?;
+    let file = Bytes::from(fs::read(path).map_err(|e| Error::io(path, "", &e))?);
+    parsed(path, &file, Some(uri::folder_of(path)))
+}
+
+/// Reads the bytes of a glTF or GLB file that refers to no other file.
+pub(crate) fn read_bytes(name: &Path, bytes: Bytes) -> Result<Document, Error> {
+    let mut doc = parsed(name, &bytes, None)?;
+    check_images_are_inside(&At::root(&doc))?;
+    doc.in_memory = Some(bytes);
+    Ok(doc)
+}
+
+/// The document of a file's bytes. Without a `folder` it may refer to no buffer file.
+fn parsed(path: &Path, file: &Bytes, folder: Option<&Path>) -> Result<Document, Error> {
+    let (json, bin, kind, mut warnings) = open(path, file)?;
     let root = At::new(path, &json);
     check_asset(&root)?;
     extensions::check_required(&root)?;
-    let buffers = load_buffers(&root, path, bin, &mut warnings)?;
-    let mut doc = Document { json, buffers, path: path.to_owned(), kind, warnings };
+    let buffers = load_buffers(&root, folder, bin, &mut warnings)?;
+    let mut doc = Document { json, buffers, path: path.to_owned(), kind, warnings, in_memory: None };
     drop_draco(&mut doc)?;
     drop_meshopt(&mut doc);
     Ok(doc)
@@ -68,11 +81,13 @@ fn check_asset(root: &At<'_>) -> Result<(), Error> {
     let asset = root.need("asset")?;
     let version = asset.need("version")?;
     if version.string()?.split('.').next() != Some("2") {
-        return Err(version.error(format_args!("glTF version {} is not supported, only 2.x", version.value)));
+        return Err(version
+            .error(format_args!("glTF version {} is not supported, only 2.x", version.value))
+            .unsupported());
     }
     match asset.get("minVersion") {
         Some(min) if min.string()? != "2.0" => {
-            Err(min.error(format_args!("glTF version {} is needed, only 2.0 is supported", min.value)))
+            Err(min.error(format_args!("glTF version {} is needed, only 2.0 is supported", min.value)).unsupported())
         }
         _ => Ok(()),
     }
@@ -81,7 +96,7 @@ fn check_asset(root: &At<'_>) -> Result<(), Error> {
 /// The bytes of every buffer, exactly `byteLength` of each. Files named twice are read once.
 fn load_buffers(
     root: &At<'_>,
-    path: &Path,
+    folder: Option<&Path>,
     bin: Option<Bytes>,
     warnings: &mut Vec<Warning>,
 ) -> Result<Vec<Bytes>, Error> {
@@ -91,7 +106,7 @@ fn load_buffers(
     for (i, at) in root.list("buffers")?.enumerate() {
         let length = at.need("byteLength")?.integer()?;
         let bytes = match (at.get("uri"), &bin) {
-            (Some(uri), _) => load_uri(&uri, path, &mut files)?,
+            (Some(uri), _) => load_uri(&uri, folder, &mut files)?,
             (None, Some(bin)) if i == 0 => {
                 unused_bin = false;
                 bin.clone()
@@ -112,30 +127,52 @@ fn load_buffers(
 
 fn no_bytes(at: &At<'_>) -> Error {
     match MESHOPT.iter().find(|name| at.extension(name).is_some()) {
-        Some(name) => at.error(format_args!("{name} has no uncompressed fallback here, and {COMPRESSED}")),
+        Some(name) => {
+            at.error(format_args!("{name} has no uncompressed fallback here, and {COMPRESSED}")).unsupported()
+        }
         None => at.error("has neither a uri nor a BIN chunk, so there are no bytes"),
     }
 }
 
-fn load_uri(at: &At<'_>, path: &Path, files: &mut BTreeMap<PathBuf, Bytes>) -> Result<Bytes, Error> {
+fn load_uri(at: &At<'_>, folder: Option<&Path>, files: &mut BTreeMap<PathBuf, Bytes>) -> Result<Bytes, Error> {
     let uri = at.string()?;
     match uri::parse(uri) {
         Uri::Data { base64, payload, .. } => {
             uri::decode(base64, payload).map(Bytes::from).map_err(|cause| at.error(cause))
         }
-        Uri::Scheme(scheme) => Err(at.error(format_args!("URIs of the scheme {scheme}: are not supported"))),
+        Uri::Scheme(scheme) => {
+            Err(at.error(format_args!("URIs of the scheme {scheme}: are not supported")).unsupported())
+        }
         Uri::Malformed(cause) => Err(at.error(cause)),
         Uri::File(name) => {
-            let file = uri::locate(uri::folder_of(path), uri, &name);
+            let file = uri::locate(folder.ok_or_else(|| refers_to_file(at))?, uri, &name);
             if let Some(bytes) = files.get(&file) {
                 return Ok(bytes.clone());
             }
-            let bytes = read_regular(&file)
-                .map_err(|e| at.error(format_args!("the buffer file {} cannot be read: {e}", file.display())))?;
+            let bytes = read_regular(&file).map_err(|e| {
+                let cause = format_args!("the buffer file {} cannot be read: {e}", file.display());
+                at.error(cause).of_kind(ErrorKind::Io(e.kind()))
+            })?;
             files.insert(file, bytes.clone());
             Ok(bytes)
         }
     }
+}
+
+fn refers_to_file(at: &At<'_>) -> Error {
+    at.error("refers to a file, which a scene read from memory cannot do").unsupported()
+}
+
+/// Refuses images that are files of their own.
+fn check_images_are_inside(root: &At<'_>) -> Result<(), Error> {
+    for image in root.list("images")? {
+        if let Some(uri) = image.get("uri")
+            && matches!(uri::parse(uri.string()?), Uri::File(_))
+        {
+            return Err(refers_to_file(&uri));
+        }
+    }
+    Ok(())
 }
 
 /// Reads a file that a scene names; pipes and devices, which may never end, are refused.
@@ -178,7 +215,8 @@ fn check_fallback(root: &At<'_>, primitive: &At<'_>) -> Result<(), Error> {
     for index in attributes.chain(primitive.value.get("indices")) {
         let accessor = unsigned(index).and_then(|i| accessors?.element(i));
         if accessor.is_some_and(|at| at.get("bufferView").is_none() && at.get("sparse").is_none()) {
-            return Err(primitive.error(format_args!("{DRACO} has no uncompressed fallback here, and {COMPRESSED}")));
+            let cause = format_args!("{DRACO} has no uncompressed fallback here, and {COMPRESSED}");
+            return Err(primitive.error(cause).unsupported());
         }
     }
     Ok(())

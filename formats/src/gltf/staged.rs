@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::uri::folder_of;
 use crate::document::Staged;
 use crate::staging::{Folder, Hold};
-use crate::{Error, Warning};
+use crate::{Error, ErrorKind, Warning};
 
 impl Staged {
     /// An empty staging folder beside `out`, on the same file system.
@@ -45,12 +45,12 @@ impl Staged {
         let path = self.place(name)?;
         fs::hard_link(from, &path)
             .or_else(|_| fs::copy(from, &path).map(|_| ()))
-            .map_err(|e| Error::whole(from, format_args!("cannot be staged: {e}")))
+            .map_err(|e| Error::io(from, "cannot be staged: ", &e))
     }
 
     fn put(&mut self, name: &Path, make: impl FnOnce(&Path) -> io::Result<()>) -> Result<(), Error> {
         let path = self.place(name)?;
-        make(&path).map_err(|e| Error::whole(&self.target.join(name), format_args!("cannot be written: {e}")))?;
+        make(&path).map_err(|e| Error::io(&self.target.join(name), "cannot be written: ", &e))?;
         self.files.push((path, self.target.join(name)));
         Ok(())
     }
@@ -61,7 +61,7 @@ impl Staged {
         // A staging folder that was removed at the end of the program must not come back.
         let _hold = Hold::new();
         fs::create_dir_all(folder_of(&path))
-            .map_err(|e| Error::whole(&self.target.join(name), format_args!("cannot be staged: {e}")))?;
+            .map_err(|e| Error::io(&self.target.join(name), "cannot be staged: ", &e))?;
         Ok(path)
     }
 
@@ -95,7 +95,7 @@ impl Staged {
         for (i, (from, to)) in self.files.iter().enumerate() {
             if let Err(e) = replace(from, to, backup.path().join(i.to_string()), &mut undo) {
                 undo.into_iter().rev().for_each(Undo::run);
-                return Err(Error::whole(to, format_args!("cannot be put in place: {e}")));
+                return Err(Error::io(to, "cannot be put in place: ", &e));
             }
         }
         Ok(Placed { undo, _backup: backup })
@@ -167,7 +167,7 @@ pub(super) fn check(out: &Path) -> Result<(), Error> {
 
 fn staging_folder(out: &Path) -> Result<Folder, Error> {
     if out.is_dir() {
-        return Err(Error::whole(out, "is a folder"));
+        return Err(Error::output(out, "is a folder"));
     }
     hidden_folder(folder_of(out))
 }
@@ -178,7 +178,7 @@ fn hidden_folder(parent: &Path) -> Result<Folder, Error> {
             io::ErrorKind::NotFound => "the folder does not exist".to_owned(),
             cause => format!("the folder cannot be written to: {cause}"),
         };
-        Error::whole(parent, cause)
+        Error::whole(parent, cause).of_kind(ErrorKind::Io(e.kind()))
     })
 }
 

@@ -74,8 +74,12 @@ pub(crate) fn stage_unchanged(doc: &Document, out: &Path) -> Result<Staged, Erro
             staged.warnings.push(Warning { place: String::new(), message });
         }
     }
-    let mut file = File::open(&doc.path).map_err(|e| Error::whole(&doc.path, e))?;
-    staged.write(Path::new(&name), |out| io::copy(&mut file, out).map(|_| ()))?;
+    if let Some(bytes) = &doc.in_memory {
+        staged.write(Path::new(&name), |out| out.write_all(bytes))?;
+    } else {
+        let mut file = File::open(&doc.path).map_err(|e| Error::io(&doc.path, "", &e))?;
+        staged.write(Path::new(&name), |out| io::copy(&mut file, out).map(|_| ()))?;
+    }
     Ok(staged)
 }
 
@@ -84,13 +88,13 @@ fn kind_of(out: &Path) -> Result<Kind, Error> {
     match out.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase).as_deref() {
         Some("glb") => Ok(Kind::Glb),
         Some("gltf") => Ok(Kind::Gltf),
-        _ => Err(Error::whole(out, "the name of an output must end in .glb or .gltf")),
+        _ => Err(Error::output(out, "the name of an output must end in .glb or .gltf")),
     }
 }
 
 fn file_name(out: &Path) -> Result<String, Error> {
     let name = out.file_name().and_then(OsStr::to_str);
-    name.map(str::to_owned).ok_or_else(|| Error::whole(out, "the file name is not UTF-8"))
+    name.map(str::to_owned).ok_or_else(|| Error::output(out, "the file name is not UTF-8"))
 }
 
 /// The folders' canonical paths are compared, so that links do not deceive.
@@ -156,7 +160,7 @@ fn check_references_survive(
 ) -> Result<(), Error> {
     let mut all = references.buffers.iter().chain(&references.images);
     match all.find(|r| same_folder && is_same_file(&r.file, out)) {
-        Some(_) => Err(Error::whole(out, format_args!("is a file that {} refers to", doc.path.display()))),
+        Some(_) => Err(Error::output(out, format_args!("is a file that {} refers to", doc.path.display()))),
         None => Ok(()),
     }
 }
@@ -248,7 +252,7 @@ fn write_glb(staged: &mut Staged, name: &str, json: &[u8], packed: &Packed, out:
     let total = HEADER + CHUNK_HEADER + json_length + bin_chunk;
     let Ok(total) = u32::try_from(total) else {
         let cause = format!("{total} bytes are more than the 4 GiB that a GLB file can hold; write .gltf instead");
-        return Err(Error::whole(out, cause));
+        return Err(Error::output(out, cause));
     };
     staged.write(Path::new(name), |file| {
         // All lengths are below the total, which fits in 32 bits.

@@ -14,13 +14,21 @@ const SEGMENT: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'
 pub(super) struct Files {
     /// The folder of the OBJ file.
     pub(super) folder: PathBuf,
+    /// Whether there are files at all: not beside an OBJ file in memory.
+    exist: bool,
     listings: HashMap<PathBuf, Vec<OsString>>,
 }
 
 impl Files {
     /// For the files beside `path`.
     pub(super) fn beside(path: &Path) -> Self {
-        Files { folder: path.parent().unwrap_or(Path::new("")).to_owned(), listings: HashMap::new() }
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        Files { folder, exist: true, listings: HashMap::new() }
+    }
+
+    /// No files.
+    pub(super) fn none() -> Self {
+        Files { folder: PathBuf::new(), exist: false, listings: HashMap::new() }
     }
 
     /// The file that `written` means, seen from `base` (the folder of the file in which it is written): as it is, in
@@ -37,7 +45,7 @@ impl Files {
     /// As [`Files::find`], in `base` only and with all folders as written.
     pub(super) fn find_exactly(&mut self, base: &Path, written: &str) -> Option<PathBuf> {
         let written = normalised(written);
-        if written.is_empty() || written.contains('\0') {
+        if !self.exist || written.is_empty() || written.contains('\0') {
             return None;
         }
         let direct = base.join(&written);

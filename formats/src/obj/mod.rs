@@ -27,6 +27,8 @@ mod texture;
 use std::fs::File;
 use std::path::Path;
 
+use bytes::Bytes;
+
 use crate::document::Kind;
 use crate::{Document, Error};
 use files::Files;
@@ -46,27 +48,40 @@ pub(crate) fn is_obj(path: &Path) -> bool {
 /// Names the line of an OBJ statement that cannot be read: malformed numbers, indices that are zero or out of range.
 /// What is wrong with an MTL file or a texture is a warning.
 pub(crate) fn read(path: &Path) -> Result<Document, Error> {
-    let whole = |cause: std::io::Error| Error::whole(path, cause);
+    parsed(path, &|| text::read_blocks(File::open(path)?), Files::beside(path))
+}
+
+/// Reads the bytes of an OBJ file. Its MTL files are not found, which is a warning.
+pub(crate) fn read_bytes(name: &Path, bytes: Bytes) -> Result<Document, Error> {
+    let doc = parsed(name, &|| text::read_blocks(&bytes[..]), Files::none())?;
+    Ok(Document { in_memory: Some(bytes), ..doc })
+}
+
+/// The raw text of an OBJ file, from its start.
+type Source<'a> = &'a dyn Fn() -> std::io::Result<Vec<Vec<u8>>>;
+
+fn parsed(path: &Path, source: Source<'_>, mut files: Files) -> Result<Document, Error> {
+    let whole = |reason: std::io::Error| Error::io(path, "", &reason);
     let mut notes = Notes::default();
-    let blocks = blocks(path, &mut notes).map_err(whole)?;
+    let blocks = blocks(source, &mut notes).map_err(whole)?;
     let at_line = |fault: Fault| Error::at(path, text::place(fault.line), fault.cause);
     let (scan, statements) = Scan::of(blocks, &mut notes).map_err(at_line)?;
-    let models = statements.parse().map_err(|cause| match first_malformed(path) {
+    let models = statements.parse().map_err(|cause| match first_malformed(source) {
         Some(fault) => at_line(fault),
         None => Error::whole(path, cause),
     })?;
 
-    let mut files = Files::beside(path);
     let libraries = Libraries::load(&scan.libraries, &mut files, &mut notes);
     let materials = Materials::of(libraries, files);
     let (json, buffer) = assemble::assemble(&scan, models, materials, &mut notes);
     let buffers = if buffer.is_empty() { Vec::new() } else { vec![buffer.into()] };
-    Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings: notes.into_warnings() })
+    let warnings = notes.into_warnings();
+    Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings, in_memory: None })
 }
 
 /// The text of a file; its last line ends in a line feed.
-fn blocks(path: &Path, notes: &mut Notes) -> std::io::Result<Vec<String>> {
-    let mut blocks = text::decode(text::read_blocks(File::open(path)?)?, notes);
+fn blocks(source: Source<'_>, notes: &mut Notes) -> std::io::Result<Vec<String>> {
+    let mut blocks = text::decode(source()?, notes);
     if let Some(last) = blocks.last_mut()
         && !last.ends_with('\n')
     {
@@ -77,6 +92,6 @@ fn blocks(path: &Path, notes: &mut Notes) -> std::io::Result<Vec<String>> {
 
 /// The first malformed coordinate of a file that `tobj` could not parse. The file is read once more: parsing let go of its
 /// text.
-fn first_malformed(path: &Path) -> Option<Fault> {
-    scan::first_malformed(&blocks(path, &mut Notes::default()).ok()?)
+fn first_malformed(source: Source<'_>) -> Option<Fault> {
+    scan::first_malformed(&blocks(source, &mut Notes::default()).ok()?)
 }

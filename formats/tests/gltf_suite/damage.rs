@@ -62,7 +62,7 @@ fn everything() -> (Value, Vec<u8>) {
 /// Does all that can be done with a document; only the absence of a panic counts.
 fn exercise(mut doc: Document) -> bool {
     let sound = doc.contents(ReadOptions::default()).is_ok();
-    let _ = doc.contents(ReadOptions { strict: true });
+    let _ = doc.contents(ReadOptions::default().with_strict(true));
     for mesh in 0..3 {
         doc.attributes(mesh, 0);
     }

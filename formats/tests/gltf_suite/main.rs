@@ -6,6 +6,7 @@ mod compact;
 mod damage;
 mod hierarchy;
 mod instancing;
+mod memory;
 mod outputs;
 mod outputs_images;
 mod provenance;

@@ -1,5 +1,6 @@
 //! Small documents, in memory and on disk.
 
+use std::fmt::Debug;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -37,6 +38,7 @@ pub(crate) fn document(json: Value, buffers: &[Vec<u8>]) -> Document {
         path: PathBuf::from("scene.gltf"),
         kind: Kind::Gltf,
         warnings: Vec::new(),
+        in_memory: None,
     }
 }
 
@@ -126,10 +128,21 @@ pub(crate) fn folder(files: &[(&str, &[u8])]) -> TempDir {
     folder
 }
 
-/// What reading a single file of these bytes gives.
+/// What reading a single file of these bytes gives; from memory it is the same, unless the bytes refer to another file.
 pub(crate) fn read_bytes(name: &str, bytes: &[u8]) -> Result<Document, Error> {
     let folder = folder(&[(name, bytes)]);
-    read(&folder.path().join(name))
+    let from_file = read(&folder.path().join(name));
+    let from_memory = raykiln_formats::read_bytes(name, bytes.to_vec());
+    if !from_memory.as_ref().is_err_and(|e| e.cause.starts_with("refers to a file")) {
+        assert_eq!(outcome(&from_memory), outcome(&from_file));
+    }
+    from_file
+}
+
+/// What was read, or where and why nothing was.
+fn outcome(read: &Result<Document, Error>) -> Result<impl PartialEq + Debug, (&str, &str)> {
+    let content = |doc: &Document| (doc.json.clone(), doc.buffers.clone(), doc.kind, doc.warnings.clone());
+    read.as_ref().map(content).map_err(|e| (e.place.as_str(), e.cause.as_str()))
 }
 
 /// Writes a document and reads it back.

@@ -187,7 +187,7 @@ fn triangles_with_a_corner_that_is_not_finite_are_dropped_and_counted() {
 
 #[test]
 fn strict_reading_refuses_corners_that_are_not_finite() {
-    let error = with_nan().contents(ReadOptions { strict: true }).unwrap_err();
+    let error = with_nan().contents(ReadOptions::default().with_strict(true)).unwrap_err();
     assert_eq!(error.place, "accessors[0]");
     assert!(error.cause.contains("not finite"));
 }
@@ -198,7 +198,7 @@ fn vertices_that_no_triangle_uses_may_be_anything() {
     let mut data = square();
     data[36..40].copy_from_slice(&f32::NAN.to_le_bytes());
     let doc = primitive(json, &[(positions(4), data), (indices(5123, 3), shorts(&[0, 1, 2]))]);
-    let c = doc.contents(ReadOptions { strict: true }).unwrap();
+    let c = doc.contents(ReadOptions::default().with_strict(true)).unwrap();
     assert_eq!(c.meshes[0].primitives[0].triangles.as_ref().unwrap().kept, None);
 }
 

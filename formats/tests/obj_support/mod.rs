@@ -30,7 +30,11 @@ pub(crate) fn read(obj: &str) -> Document {
 
 /// As [`read`].
 pub(crate) fn read_bytes(obj: &[u8]) -> Document {
-    sound(try_read(&[("scene.obj", obj)]))
+    let from_memory = sound(raykiln_formats::read_bytes("scene.obj", obj.to_vec()));
+    let doc = sound(try_read(&[("scene.obj", obj)]));
+    assert_eq!((&from_memory.json, &from_memory.buffers), (&doc.json, &doc.buffers));
+    assert_eq!(from_memory.warnings, doc.warnings);
+    doc
 }
 
 /// Reads an OBJ text with `scene.mtl` beside it, which it need not name.
