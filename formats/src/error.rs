@@ -44,7 +44,7 @@ impl Error {
     }
 
     /// The system could not read or write a file; `what` comes before its reason.
-    pub(crate) fn io(file: &Path, what: &str, reason: &io::Error) -> Self {
+    pub fn io(file: &Path, what: &str, reason: &io::Error) -> Self {
         Error::whole(file, format_args!("{what}{reason}")).of_kind(ErrorKind::Io(reason.kind()))
     }
 

@@ -41,12 +41,19 @@ use refine::Round;
 
 /// How the layout is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Choice {
     /// The best of many candidates; the input as it is among them.
     #[default]
     Auto,
     /// One method.
     Method(Method),
+}
+
+impl From<Method> for Choice {
+    fn from(method: Method) -> Choice {
+        Choice::Method(method)
+    }
 }
 
 impl Choice {
@@ -61,6 +68,7 @@ impl Choice {
 
 /// What `auto` must not try, though it might pay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Forbidden {
     /// Groups of their own for what encloses the rest or lies far outside.
     pub isolate: bool,
@@ -72,6 +80,7 @@ pub struct Forbidden {
 
 /// What choosing may be told.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct ChooseOptions {
     /// How the layout is chosen.
     pub method: Choice,

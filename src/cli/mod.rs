@@ -85,7 +85,9 @@ fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
     let options: BakeOptions = arguments.options()?;
     let reports = Reports::check(&arguments.report, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);
-    let baked = bake::bake(&arguments.input, &arguments.output, &options, &mut |stage| progress.enter(stage.label()));
+    let baked = bake::bake(arguments.input.as_path().into(), &arguments.output, &options, &mut |stage| {
+        progress.enter(stage.label())
+    });
     progress.finish();
     let Baked { report, output: scene } = baked?;
     let json = report::json::to_json(&report);
@@ -142,7 +144,7 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
     let load = LoadOptions { strict: arguments.strict, keep: Vec::new() };
-    let report = inspect::inspect(&arguments.input, &load);
+    let report = inspect::inspect(arguments.input.as_path().into(), &load);
     progress.finish();
     let report = report?;
     let json = report::json::to_json(&report);

@@ -23,6 +23,7 @@ use config::Config;
 
 /// Why an experiment came to nothing.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LabError {
     /// The configuration says something that it cannot say.
     #[error("{}:{line}: {cause}", file.display())]

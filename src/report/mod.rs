@@ -26,6 +26,7 @@ pub const SCHEMA: &str = "raykiln.report/1";
 
 /// What a bake did. Times are seconds, sizes bytes, ratios plain quotients.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct BakeReport {
     /// [`SCHEMA`].
     pub schema: &'static str,
@@ -84,6 +85,7 @@ pub enum DecidedBy {
 
 /// What a scene is made of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Input {
     /// The file.
     pub path: PathBuf,
@@ -105,6 +107,7 @@ pub struct Input {
 
 /// How a layout was chosen.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct MethodReport {
     /// What the user asked for.
     pub requested: &'static str,
@@ -122,6 +125,7 @@ pub struct MethodReport {
 
 /// A layout looked at.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Candidate {
     /// Its method, and what the method was told.
     pub name: String,
@@ -152,6 +156,7 @@ pub struct Candidate {
 
 /// A step that was taken or left out.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Pass {
     /// Its name.
     pub name: &'static str,
@@ -165,6 +170,7 @@ pub struct Pass {
 
 /// Time by stage, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Seconds {
     /// Reading the input.
     pub read: f64,
@@ -182,6 +188,7 @@ pub struct Seconds {
 
 /// What comparing two files found.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct VerifyReport {
     /// [`SCHEMA`].
     pub schema: &'static str,
@@ -216,6 +223,7 @@ pub struct VerifyReport {
 
 /// What `inspect` found.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct InspectReport {
     /// [`SCHEMA`].
     pub schema: &'static str,
@@ -237,6 +245,7 @@ pub struct InspectReport {
 
 /// Two objects whose boxes overlap.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct OverlappingPair {
     /// The first object.
     pub a: String,
@@ -248,6 +257,7 @@ pub struct OverlappingPair {
 
 /// A vendor rule that a scene breaks.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Finding {
     /// Id of the rule, such as `RK001`.
     pub rule: &'static str,

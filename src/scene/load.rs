@@ -12,6 +12,7 @@ use super::{Geometry, Instance, Mesh, MeshId, Pinned, PlacedCamera, Scene};
 
 /// How to read a scene.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct LoadOptions {
     /// Refuse non-finite positions, which are otherwise dropped with a warning.
     pub strict: bool,

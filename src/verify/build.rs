@@ -6,6 +6,7 @@ use crate::layout::BlasPer;
 
 /// What to build, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct BuildOptions {
     /// What the driver should favour.
     pub prefer: Prefer,

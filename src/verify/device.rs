@@ -13,6 +13,7 @@ use crate::scene::Scene;
 
 /// Where to trace.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum DeviceChoice {
     /// On the first hardware device that can trace rays, else on the CPU.
     #[default]

@@ -45,6 +45,7 @@ use crate::scene::Scene;
 
 /// How to verify.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct VerifyOptions {
     /// Where to trace; [`Machine::open`] reads it, and nothing else does.
     pub device: DeviceChoice,

@@ -15,6 +15,7 @@ use raykiln_formats::{Document, Warning};
 
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
 use crate::commands::measure::{measure_with, per_primitive_note};
+use crate::commands::source::Source;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
@@ -27,6 +28,7 @@ use clock::Clock;
 
 /// What a bake may be told.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct BakeOptions {
     /// How the layout is chosen.
     pub choose: ChooseOptions,
@@ -81,6 +83,7 @@ impl BakeOptions {
 
 /// Why a bake came to nothing.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum BakeError {
     /// The input cannot be read, or the output cannot be written.
     #[error(transparent)]
@@ -108,7 +111,7 @@ pub struct Baked {
 /// # Errors
 /// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
 pub fn bake(
-    input: &Path,
+    input: Source,
     output: &Path,
     options: &BakeOptions,
     progress: &mut dyn FnMut(Stage),
@@ -118,7 +121,7 @@ pub fn bake(
     clock.enter(Stage::Verify);
     let machine = Machine::open(&options.verify.device)?;
     clock.enter(Stage::Read);
-    let mut doc = raykiln_formats::read(input)?;
+    let mut doc = input.read()?;
     let (mut scene, scene_warnings) = scene::load(&doc, &options.load)?;
     scene.check().map_err(|e| BakeError::Internal(e.0))?;
 
@@ -144,7 +147,7 @@ pub fn bake(
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
-        input: Input::of(input.to_owned(), &scene),
+        input: Input::of(doc.path.clone(), &scene),
         output: output.to_owned(),
         verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class.name()),
         options: options.told(),

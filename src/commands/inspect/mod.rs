@@ -2,9 +2,8 @@
 
 mod rules;
 
-use std::path::Path;
-
 use crate::commands::measure::measure_as_is;
+use crate::commands::source::Source;
 use crate::cost::overlap::{self, Pair};
 use crate::report::{self, Input, InspectReport, OverlappingPair};
 use crate::scene::{self, Bounds, Instance, LoadOptions, Scene};
@@ -16,8 +15,8 @@ const WORST: usize = 10;
 ///
 /// # Errors
 /// An input that cannot be read.
-pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, raykiln_formats::Error> {
-    let doc = raykiln_formats::read(path)?;
+pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, raykiln_formats::Error> {
+    let doc = source.read()?;
     let (scene, warnings) = scene::load(&doc, options)?;
     let boxes = scene.instance_boxes();
     let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
@@ -26,7 +25,7 @@ pub fn inspect(path: &Path, options: &LoadOptions) -> Result<InspectReport, rayk
     Ok(InspectReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
-        input: Input::of(path.to_owned(), &scene),
+        input: Input::of(doc.path.clone(), &scene),
         before: measure_as_is(&scene),
         rules_checked: rules::CHECKED.to_vec(),
         findings: rules::findings(&scene, &boxes, &all, &worst_pairs),

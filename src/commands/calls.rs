@@ -1,0 +1,90 @@
+//! The commands as one call each, for programs that use the library.
+
+use std::path::Path;
+use std::{env, fs};
+
+use raykiln_formats::Error;
+use raykiln_formats::document::Staged;
+use raykiln_formats::staging::Folder;
+
+use super::bake::{BakeError, BakeOptions, Baked, bake as stage};
+use super::inspect::inspect as look;
+use super::source::Source;
+use super::verify::{MatchBy, compare};
+use crate::report::{BakeReport, InspectReport, VerifyReport};
+use crate::scene::LoadOptions;
+use crate::verify::VerifyOptions;
+
+/// Bakes the file `input` (OBJ, glTF or GLB) into the file `output` (`.glb`, or `.gltf` with a `.bin` beside it). If the
+/// verification fails, the report says so and `output` is left as it was.
+///
+/// # Errors
+/// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
+pub fn bake(input: impl AsRef<Path>, output: impl AsRef<Path>, options: &BakeOptions) -> Result<BakeReport, BakeError> {
+    let Baked { report, output } = stage(input.as_ref().into(), output.as_ref(), options, &mut |_| {})?;
+    output.map(Staged::commit).transpose()?;
+    Ok(report)
+}
+
+/// What a bake in memory produced.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct BakedBytes {
+    /// What was done, and how the verification ended.
+    pub report: BakeReport,
+    /// A GLB file; `None` if the verification failed.
+    pub glb: Option<Vec<u8>>,
+}
+
+/// Bakes the bytes of a file that refers to no other, such as a GLB; `name` gives its extension and stands in messages. As
+/// in [`bake`], what is returned was written, read back and verified, in a hidden folder of the system's folder for
+/// temporary files.
+///
+/// # Errors
+/// As [`bake`]; also bytes that refer to a file.
+pub fn bake_bytes(
+    name: impl AsRef<Path>,
+    bytes: impl Into<Vec<u8>>,
+    options: &BakeOptions,
+) -> Result<BakedBytes, BakeError> {
+    let temporary = env::temp_dir();
+    let folder = Folder::new_in(&temporary).map_err(|e| Error::io(&temporary, "", &e))?;
+    let source = Source::Bytes { name: name.as_ref().to_owned(), bytes: bytes.into() };
+    let Baked { report, output } = stage(source, &folder.path().join("baked.glb"), options, &mut |_| {})?;
+    let read = |staged: Staged| fs::read(staged.path()).map_err(|e| Error::io(staged.path(), "", &e));
+    Ok(BakedBytes { report, glb: output.map(read).transpose()? })
+}
+
+/// Looks at a file without changing it.
+///
+/// # Errors
+/// An input that cannot be read.
+pub fn inspect(input: impl AsRef<Path>, options: &LoadOptions) -> Result<InspectReport, Error> {
+    look(input.as_ref().into(), options)
+}
+
+/// Looks at the bytes of a file that refers to no other; `name` gives its extension and stands in messages.
+///
+/// # Errors
+/// As [`inspect`]; also bytes that refer to a file.
+pub fn inspect_bytes(
+    name: impl AsRef<Path>,
+    bytes: impl Into<Vec<u8>>,
+    options: &LoadOptions,
+) -> Result<InspectReport, Error> {
+    look(Source::Bytes { name: name.as_ref().to_owned(), bytes: bytes.into() }, options)
+}
+
+/// Traces the same rays through the files `before` and `after` and compares what they hit and how fast they are; `by` says how
+/// their triangles are matched.
+///
+/// # Errors
+/// A file that cannot be read; a device named that cannot trace.
+pub fn verify(
+    before: impl AsRef<Path>,
+    after: impl AsRef<Path>,
+    by: MatchBy,
+    options: &VerifyOptions,
+) -> Result<VerifyReport, BakeError> {
+    compare(before.as_ref(), after.as_ref(), by, options)
+}
