@@ -7,11 +7,11 @@
 //! cargo bench --bench bake -- target/nodes.glb conference.obj
 //! ```
 
+use raykiln::methods::Method;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
-const METHODS: [&str; 5] = ["keep", "single", "per-object", "bvh", "overlap"];
 const STAGES: [&str; 6] = ["read", "analyse", "optimise", "write", "verify", "total"];
 
 fn main() -> ExitCode {
@@ -51,7 +51,7 @@ fn parse(arguments: impl Iterator<Item = String>) -> (Vec<String>, Vec<String>) 
         if argument == "--method" { methods.extend(arguments.next()) } else { files.push(argument) }
     }
     if methods.is_empty() {
-        methods = METHODS.map(str::to_owned).into();
+        methods = Method::ALL.map(|method| method.name().to_owned()).into();
     }
     (methods, files)
 }

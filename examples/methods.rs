@@ -8,13 +8,18 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+use raykiln::methods::Method;
+use raykiln::verify::rays::RayKind;
 use serde_json::Value;
 
-/// The methods compared; the first is what the others are held against.
-const METHODS: [&str; 4] = ["single", "per-object", "bvh", "overlap"];
-const KINDS: [&str; 4] = ["primary", "shadow", "diffuse", "random"];
 /// The kinds whose times are summed.
 const LIGHTING: [&str; 3] = ["primary", "shadow", "diffuse"];
+
+/// The methods compared; the first is what the others are held against. The input stands for `keep`.
+fn methods() -> Vec<&'static str> {
+    let others = Method::ALL.into_iter().filter(|method| !matches!(method, Method::Keep | Method::Single));
+    [Method::Single].into_iter().chain(others).map(Method::name).collect()
+}
 
 struct Arguments {
     program: PathBuf,
@@ -30,17 +35,17 @@ fn main() -> ExitCode {
     }
     let folder = tempfile::TempDir::new().expect("a temporary folder");
     let mut details = Vec::new();
-    println!(
-        "| scene (triangles, objects) | input | per object | bvh | overlap | single, Mrays/s by kind | largest spread |"
-    );
-    println!("| --- | --- | --- | --- | --- | --- | --- |");
+    let methods = methods();
+    let others = methods[1..].join(" | ");
+    println!("| scene (triangles, objects) | input | {others} | single, Mrays/s by kind | largest spread |");
+    println!("| --- | --- |{} --- | --- |", " --- |".repeat(methods.len() - 1));
     let mut status = ExitCode::SUCCESS;
     for file in &arguments.files {
-        match METHODS.iter().map(|method| bake(&arguments, file, method, folder.path())).collect::<Result<Vec<_>, _>>()
+        match methods.iter().map(|method| bake(&arguments, file, method, folder.path())).collect::<Result<Vec<_>, _>>()
         {
             Ok(reports) => {
                 println!("{}", speeds(file, &reports));
-                details.extend(METHODS.iter().zip(&reports).map(|(method, report)| detail(file, method, report)));
+                details.extend(methods.iter().zip(&reports).map(|(method, report)| detail(file, method, report)));
             }
             Err(message) => {
                 eprintln!("{}: {message}", file.display());
@@ -98,7 +103,7 @@ fn name(file: &Path) -> String {
 fn speeds(file: &Path, reports: &[Value]) -> String {
     let single = gain(&reports[0]);
     let ratios: String = reports[1..].iter().map(|r| format!("{:.2} | ", gain(r) / single)).collect();
-    let kinds = |r: &Value, key: &str| KINDS.map(|kind| number(&r["verify"]["kinds"][kind][key]));
+    let kinds = |r: &Value, key: &str| RayKind::ALL.map(|kind| number(&r["verify"]["kinds"][kind.name()][key]));
     let rays = kinds(&reports[0], "after_mrays_per_s").map(|speed| format!("{speed:.0}")).join(" / ");
     let spread = reports.iter().flat_map(|r| kinds(r, "spread_ratio")).fold(0.0, f64::max);
     let input = &reports[0]["input"];

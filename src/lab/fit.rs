@@ -10,8 +10,9 @@ use serde::Serialize;
 
 use super::nnls;
 use super::quality::{Quality, Times, quality};
-use super::rows::{KINDS, Row, by_scene};
+use super::rows::{Row, by_scene};
 use crate::choose::model::{Class, Counts, Prices};
+use crate::verify::rays::RayKind;
 use crate::verify::weights::Weights;
 
 /// Rows at least: twice as many as there are prices.
@@ -141,7 +142,7 @@ fn prices_without(scenes: &[Vec<Sample>], out: usize) -> [Prices; 4] {
 fn kind_fit(samples: &[&Sample], kind: usize, table: Prices, predicted: Predicted) -> KindFit {
     let prices = prices(samples, kind);
     KindFit {
-        kind: KINDS[kind],
+        kind: RayKind::ALL[kind].name(),
         prices,
         rms_relative_error: rms_relative_error(samples, kind, &prices),
         table,

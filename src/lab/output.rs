@@ -106,6 +106,7 @@ fn quality_line(kind: &str, prices: &str, quality: Option<&Quality>) -> String {
 mod tests {
     use super::super::fit::{KindFit, Predicted, SCHEMA};
     use super::*;
+    use crate::verify::rays::RayKind;
 
     fn fit() -> Fit {
         let predicted = Predicted { left_out: None, by_table: None };
@@ -126,7 +127,7 @@ mod tests {
             device_kind: "gpu",
             layouts: 8,
             scenes: 2,
-            kinds: ["primary", "shadow", "diffuse", "random"].map(kind).into(),
+            kinds: RayKind::ALL.map(|of| kind(of.name())).into(),
             overall: predicted,
         }
     }

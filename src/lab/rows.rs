@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::choose::model::Counts;
+use crate::verify::rays::RayKind;
 
 /// A layout of a scene. `docs/lab.md` describes the columns.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -67,9 +68,6 @@ pub struct KindRow {
     pub spread_ratio: Option<f64>,
 }
 
-/// Names of the kinds of rays, in their order.
-pub(super) const KINDS: [&str; 4] = ["primary", "shadow", "diffuse", "random"];
-
 impl KindRow {
     pub(super) fn of(counts: &Counts) -> KindRow {
         KindRow { tlas_nodes: counts.top, entries: counts.entries, blas_nodes: counts.bottom, ..KindRow::default() }
@@ -120,7 +118,7 @@ impl Row {
             text("position_error_ratio", self.position_error_ratio.to_string()),
             text("failure", self.failure.clone().unwrap_or_default()),
         ];
-        for (kind, row) in KINDS.into_iter().zip(self.kinds.each()) {
+        for (kind, row) in RayKind::ALL.map(RayKind::name).into_iter().zip(self.kinds.each()) {
             let some = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
             for (name, value) in [
                 ("tlas_nodes", row.tlas_nodes.to_string()),

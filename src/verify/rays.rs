@@ -41,6 +41,16 @@ pub enum RayKind {
 impl RayKind {
     /// All kinds, in the order of [`Rays::kinds`].
     pub const ALL: [RayKind; 4] = [RayKind::Primary, RayKind::Shadow, RayKind::Diffuse, RayKind::Random];
+
+    /// The name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            RayKind::Primary => "primary",
+            RayKind::Shadow => "shadow",
+            RayKind::Diffuse => "diffuse",
+            RayKind::Random => "random",
+        }
+    }
 }
 
 /// The rays of a verification.

@@ -98,7 +98,8 @@ impl Kinds {
 
     /// All kinds with their names.
     pub fn named(&self) -> [(&'static str, KindSpeed); 4] {
-        [("primary", self.primary), ("shadow", self.shadow), ("diffuse", self.diffuse), ("random", self.random)]
+        let mut kinds = *self;
+        RayKind::ALL.map(|kind| (kind.name(), *kinds.of(kind)))
     }
 }
 

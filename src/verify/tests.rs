@@ -123,7 +123,7 @@ fn the_report_has_the_keys_others_rely_on() {
     ] {
         assert!(!json[key].is_null(), "{key}");
     }
-    for kind in ["primary", "shadow", "diffuse", "random"] {
+    for kind in RayKind::ALL.map(RayKind::name) {
         for key in ["before_mrays_per_s", "after_mrays_per_s", "speedup_ratio", "spread_ratio"] {
             assert!(json["kinds"][kind][key].is_f64(), "{kind} {key}");
         }

@@ -1,6 +1,6 @@
 //! `--method auto` as a whole, with the model alone: what it chooses, what it leaves alone, what it says.
 
-use crate::common::{METHODS, Opened, bake, folder_names, json_of, raykiln, samples, write};
+use crate::common::{Opened, bake, folder_names, json_of, methods, raykiln, samples, write};
 use glam::{DMat3, DVec3, EulerRot, dvec3};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -198,7 +198,7 @@ fn a_sky_is_set_apart_when_asked() {
 #[test]
 fn with_one_blas_a_primitive_costs_are_those_of_geometries() {
     let scene = sample("materials");
-    for method in METHODS.iter().chain(&["cluster", "auto"]) {
+    for method in methods().into_iter().chain(["auto"]) {
         let (_out, report) = auto(&scene, &["--method", method, "--blas-per", "primitive"]);
         assert_eq!(report["blas_per"], "primitive");
         for side in ["before", "after"] {

@@ -1,6 +1,7 @@
 //! The command line: what goes to which stream, which files are written, which status is returned.
 
-use crate::common::{METHODS, folder_names, raykiln, samples, write};
+use crate::common::{folder_names, methods, raykiln, samples, write};
+use raykiln::verify::rays::RayKind;
 use serde_json::Value;
 use std::fs;
 use std::path::PathBuf;
@@ -30,7 +31,7 @@ fn help_names_every_command_method_and_option() {
     assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
     let options =
         ["--output", "--method", "--device", "--report", "--json", "--keep", "--strict", "--threads", "--quiet"];
-    for word in options.iter().chain(&METHODS).chain(&["auto", "--skip-overlap-ratio", "--split-or-merge-ratio"]) {
+    for word in options.iter().chain(&methods()).chain(&["auto", "--skip-overlap-ratio", "--split-or-merge-ratio"]) {
         assert!(ran.stdout.contains(word), "{word}");
     }
 }
@@ -98,7 +99,7 @@ fn the_json_report_has_the_promised_keys() {
     let verify = "device rays hits mismatches far_hits max_relative_distance_error rms_relative_distance_error \
                   position_error_ratio kinds";
     assert_keys(&report, "verify", verify);
-    for kind in ["primary", "shadow", "diffuse", "random"] {
+    for kind in RayKind::ALL.map(RayKind::name) {
         let rates = "before_mrays_per_s after_mrays_per_s speedup_ratio spread_ratio";
         assert_keys(&report["verify"]["kinds"], kind, rates);
     }

@@ -1,6 +1,6 @@
 //! Meshes that are copies of others become instances of them, and everything can be traced back.
 
-use crate::common::{Surface, bake, glb, json_of, raykiln, write};
+use crate::common::{Surface, bake, glb, json_of, methods, raykiln, write};
 use glam::{DAffine3, DQuat, DVec3, dvec3};
 use serde_json::{Value, json};
 use std::fs;
@@ -184,7 +184,7 @@ fn every_method_can_work_on_copies() {
     let folder = TempDir::new().expect("a temporary folder");
     let input = flattened(folder.path(), 12);
     let surface = Surface::of_input(&input);
-    for method in ["auto", "single", "per-object", "bvh", "overlap"] {
+    for method in methods().into_iter().chain(["auto"]) {
         let output = folder.path().join(format!("{method}.glb"));
         bake(&input, &output, &["--method", method, "--copies", "rigid"]);
         surface.assert_shown_by(&Surface::of_output(&output));

@@ -1,6 +1,6 @@
 //! The same input gives the same bytes, whatever the number of threads.
 
-use crate::common::{METHODS, bake, samples};
+use crate::common::{bake, methods, samples};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -16,7 +16,7 @@ fn output(scene: &Path, method: &str, name: &str, threads: &str) -> Vec<(String,
 #[test]
 fn bytes_are_equal_for_any_number_of_threads_and_in_every_run() {
     for sample in samples() {
-        for method in METHODS {
+        for method in methods() {
             let one = output(&sample.scene, method, "out.glb", "1");
             for threads in ["1", "2", "5"] {
                 assert!(one == output(&sample.scene, method, "out.glb", threads), "{} {method} {threads}", sample.name);

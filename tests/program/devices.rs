@@ -1,6 +1,6 @@
 //! Vulkan devices: listed, chosen, refused. `tests/install_vulkan.sh` installs a software driver; without it these fail.
 
-use crate::common::{METHODS, Ran, folder_names, raykiln, samples};
+use crate::common::{Ran, folder_names, methods, raykiln, samples};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -41,7 +41,7 @@ fn devices_are_listed_with_what_they_can_do() {
 #[test]
 fn every_method_verifies_on_a_device() {
     for scene in ["overlapping", "instanced"] {
-        for method in METHODS {
+        for method in methods() {
             let (ran, _folder) = bake_on(SOFTWARE, &sample(scene), &["--method", method]);
             assert_eq!(ran.status, 0, "{scene} {method}: {}", ran.stderr);
             let verify = &ran.json()["verify"];

@@ -1,6 +1,6 @@
 //! `--instancing extension`: instances become copies of one node, for every sample and method.
 
-use crate::common::{METHODS, bake, folder_names, json_of, samples};
+use crate::common::{bake, folder_names, json_of, methods, samples};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -22,7 +22,7 @@ fn output(scene: &Path, more: &[&str], threads: &str) -> Vec<(String, Vec<u8>)> 
 #[test]
 fn bytes_are_equal_for_one_thread_and_four() {
     for sample in samples() {
-        for method in METHODS {
+        for method in methods() {
             let more = ["--method", method, "--copies", "rigid"];
             assert!(output(&sample.scene, &more, "1") == output(&sample.scene, &more, "4"), "{} {method}", sample.name);
         }

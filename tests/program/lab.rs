@@ -1,6 +1,7 @@
 //! Experiments: tables, fits, and what is refused.
 
 use crate::common::{folder_names, raykiln, samples};
+use raykiln::verify::rays::RayKind;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -65,7 +66,7 @@ fn two_scenes_give_tables_and_prices() {
         assert_eq!(line["device_kind"], "cpu");
         assert!(line["groups"].as_u64().unwrap() > 0 && line["failure"].is_null(), "{line}");
         assert!(line["predicted_bytes"].as_u64().unwrap() > 0 && line["two_level_cost"].as_f64().unwrap() > 0.0);
-        for kind in ["primary", "shadow", "diffuse", "random"] {
+        for kind in RayKind::ALL.map(RayKind::name) {
             let of = &line["kinds"][kind];
             assert!(of["picoseconds"].as_f64().is_some_and(|t| t > 0.0), "{line}");
             assert!(

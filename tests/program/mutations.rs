@@ -1,6 +1,6 @@
 //! Files changed at random never make the program panic: it reads them or refuses them.
 
-use crate::common::{METHODS, Sample, folder_names, raykiln, samples};
+use crate::common::{Sample, folder_names, methods, raykiln, samples};
 use fastrand::Rng;
 use raykiln::methods::{self, Method};
 use raykiln::scene::{self, LoadOptions};
@@ -113,7 +113,7 @@ fn changed_files_are_read_or_refused() {
 fn changed_files_are_baked_or_refused_by_the_program() {
     for_each_mutation(BAKES_A_FILE, |scene, file, seed| {
         let out = TempDir::new().expect("a temporary folder");
-        let method = METHODS[seed as usize % METHODS.len()];
+        let method = methods()[seed as usize % Method::ALL.len()];
         let output = out.path().join("out.glb");
         let (input, output) = (scene.to_str().expect("UTF-8"), output.to_str().expect("UTF-8"));
         let ran =

@@ -9,5 +9,5 @@ mod surface;
 pub(crate) use damage::Opened;
 pub(crate) use expect::{Bake, Number, Sample, samples};
 pub(crate) use files::{folder_names, glb, gltf, triangle, write};
-pub(crate) use program::{METHODS, Ran, bake, raykiln};
+pub(crate) use program::{Ran, bake, methods, raykiln};
 pub(crate) use surface::{Surface, json_of};

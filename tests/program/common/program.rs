@@ -1,12 +1,15 @@
 //! Running the program.
 
+use raykiln::methods::Method;
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::path::Path;
 use std::process::Command;
 
 /// Every method by its name on the command line.
-pub(crate) const METHODS: [&str; 5] = ["keep", "single", "per-object", "bvh", "overlap"];
+pub(crate) fn methods() -> [&'static str; Method::ALL.len()] {
+    Method::ALL.map(Method::name)
+}
 
 /// What a run of the program came to.
 pub(crate) struct Ran {
