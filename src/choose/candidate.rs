@@ -161,7 +161,7 @@ impl Candidate {
     pub(super) fn report(&self, weights: &Weights) -> report::Candidate {
         let overall = self.speed(weights);
         report::Candidate {
-            name: self.plan.name.clone(),
+            id: self.plan.id,
             predicted_cost: self.predicted_cost,
             sampled_cost: Some(self.sampled_cost),
             measured_mrays_per_s: overall.map(|o| o.after_mrays_per_s),

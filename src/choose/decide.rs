@@ -3,7 +3,7 @@
 use super::bounds::Bounds;
 use super::candidate::Candidate;
 use super::plans::Effort;
-use crate::methods::Method;
+use crate::methods::{Method, PlanId};
 use crate::verify::weights::{Overall, Weights};
 
 /// A candidate that was only predicted must cost less than this share of the input to be worth a change.
@@ -78,8 +78,8 @@ impl Choice<'_> {
         self.candidates[i].sampled_cost
     }
 
-    fn name(&self, i: usize) -> &str {
-        &self.candidates[i].plan.name
+    fn id(&self, i: usize) -> PlanId {
+        self.candidates[i].plan.id
     }
 
     fn is_allowed(&self, i: usize) -> bool {
@@ -118,11 +118,11 @@ impl Choice<'_> {
             (None, _) if must_change => self.cheapest(),
             (None, Some(i)) => {
                 let refusal = self.refusals[i].as_deref().unwrap_or_default();
-                let name = self.name(i);
+                let id = self.id(i);
                 (
                     0,
                     format!(
-                        "nothing within what is allowed was measured faster than the input by more than the spread; `{name}` was: {refusal}"
+                        "nothing within what is allowed was measured faster than the input by more than the spread; `{id}` was: {refusal}"
                     ),
                 )
             }
@@ -162,7 +162,7 @@ impl Choice<'_> {
             None => "nothing is predicted to cost clearly less than the input".to_owned(),
             Some(i) => format!(
                 "nothing within what is allowed is predicted to cost clearly less than the input; `{}` would, at {:.2} of it: {}",
-                self.name(i),
+                self.id(i),
                 self.cost(i) / input,
                 self.refusals[i].as_deref().unwrap_or_default()
             ),
@@ -233,7 +233,13 @@ mod tests {
     use crate::verify::Lap;
     use crate::verify::speed::{KindSpeed, Kinds};
 
-    fn candidate(name: &str, method: Method, sampled_cost: f64, as_bytes: u64, largest_group: usize) -> Candidate {
+    fn candidate(
+        name: &'static str,
+        method: Method,
+        sampled_cost: f64,
+        as_bytes: u64,
+        largest_group: usize,
+    ) -> Candidate {
         let baked =
             Group { name: name.into(), content: Content::Baked { frame: DAffine3::IDENTITY, geometries: vec![] } };
         let groups = if method == Method::Keep { vec![] } else { vec![baked] };
@@ -246,7 +252,7 @@ mod tests {
             held_back: 0,
         };
         Candidate {
-            plan: Plan { name: name.into(), method, options: Options::default() },
+            plan: Plan { id: PlanId::new(method, name), method, options: Options::default() },
             laid,
             predicted_cost: sampled_cost,
             sampled_cost,

@@ -24,7 +24,7 @@ use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::BlasPer;
 use crate::layout::{self, Layout, PlacedTrees};
-use crate::methods::{self, Cache, Method};
+use crate::methods::{self, Cache, Method, PlanId};
 use crate::report::{self, DecidedBy, MethodReport, Pass};
 use crate::scene::{Pinned, Scene};
 use crate::tree::Tree;
@@ -126,21 +126,21 @@ impl Chosen {
     pub fn left_alone(self, scene: &Scene) -> Chosen {
         let layout = methods::run(Method::Keep, scene, &methods::Options::default());
         let reason = format!("{} was not faster than the input when it was verified", self.report.chosen_candidate);
-        let keep = Method::Keep.name();
+        let keep = PlanId::from(Method::Keep);
         let mut passes = self.passes;
         passes.iter_mut().filter(|pass| pass.applied && pass.name != passes::MEASURING).for_each(|pass| {
             (pass.applied, pass.reason) = (false, "the input is left alone".to_owned());
         });
         let mut candidates = self.report.candidates;
         for candidate in &mut candidates {
-            if candidate.name == self.report.chosen_candidate {
+            if candidate.id == self.report.chosen_candidate {
                 candidate.outcome = "measured to be the fastest, but not faster when it was verified".to_owned();
-            } else if candidate.name == keep {
+            } else if candidate.id == keep {
                 candidate.outcome = format!("chosen: {reason}");
             }
         }
-        let chosen_candidate = keep.to_owned();
-        let report = MethodReport { chosen: keep, chosen_candidate, reason, candidates, ..self.report };
+        let report =
+            MethodReport { chosen: Method::Keep.name(), chosen_candidate: keep, reason, candidates, ..self.report };
         let pins: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
         let origin = Origin::Chosen(Method::Keep);
         Chosen { layout, trees: Vec::new(), report, passes, ..self }.with_notes(scene, origin, &pins)
@@ -188,14 +188,14 @@ fn asked_for(
     verify: &VerifyOptions,
     bounds: Bounds,
 ) -> Chosen {
-    let plan = Plan { name: method.name().to_owned(), method, options: told(&options.layout, verify) };
+    let plan = Plan { id: method.into(), method, options: told(&options.layout, verify) };
     let mut cache = Cache::serving([&plan.options]);
     let laid = lay_out(&mut cache, scene, &plan, verify.max_position_error_ratio);
     let pins = laid.pins.clone();
     let report = MethodReport {
         requested: options.method.name(),
         chosen: method.name(),
-        chosen_candidate: method.name().to_owned(),
+        chosen_candidate: method.into(),
         decided_by: DecidedBy::Request,
         reason: "asked for".to_owned(),
         candidates: Vec::new(),
@@ -246,7 +246,7 @@ fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let report = MethodReport {
         requested: "auto",
         chosen: winner.plan.method.name(),
-        chosen_candidate: winner.plan.name.clone(),
+        chosen_candidate: winner.plan.id,
         decided_by: if measured { DecidedBy::Measurement } else { DecidedBy::Prediction },
         reason: decision.reason,
         candidates: reports,
@@ -272,9 +272,9 @@ fn reports(candidates: &[Candidate], held_back: &[HeldBack], verify: &VerifyOpti
         let stay = instances_stay(held.instances);
         let outcome = format!(
             "comes to `{}`: {stay}, as written out vertices would move farther than {:e} of the diagonal, or a ten-thousandth of their own",
-            same.name, verify.max_position_error_ratio
+            same.id, verify.max_position_error_ratio
         );
-        report::Candidate { name: held.name.clone(), outcome, seconds: held.seconds, ..same.clone() }
+        report::Candidate { id: held.id, outcome, seconds: held.seconds, ..same.clone() }
     };
     let more: Vec<report::Candidate> = held_back.iter().map(of_held_back).collect();
     reports.extend(more);
@@ -283,7 +283,7 @@ fn reports(candidates: &[Candidate], held_back: &[HeldBack], verify: &VerifyOpti
 
 /// A plan that comes to the same as another one because instances stay whose vertices rounding would move too far.
 struct HeldBack {
-    name: String,
+    id: PlanId,
     /// Index of the candidate.
     same_as: usize,
     instances: usize,
@@ -424,7 +424,7 @@ fn lay_out_all<'p>(
         match laid.iter().position(|(_, other, _)| other.is_same(&this)) {
             None => laid.push((plan, this, seconds)),
             Some(same_as) if this.held_back > 0 => {
-                held_back.push(HeldBack { name: plan.name.clone(), same_as, instances: this.held_back, seconds });
+                held_back.push(HeldBack { id: plan.id, same_as, instances: this.held_back, seconds });
             }
             Some(_) => {}
         }

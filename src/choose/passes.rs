@@ -132,7 +132,7 @@ pub(super) fn tell_used(passes: &mut [Pass], scene: &Scene, plan: &Plan, layout:
         if pass.applied && !shows {
             pass.reason = format!("{}; tried, but what was chosen does without", pass.reason);
         } else if !pass.applied && shows {
-            pass.reason = format!("{}, but `{}` does it", pass.reason, plan.name);
+            pass.reason = format!("{}, but `{}` does it", pass.reason, plan.id);
         }
         pass.applied = shows;
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::methods::{Instances, Method, Options};
+use crate::methods::{Instances, Method, Options, PlanId};
 
 /// How much time to spend, from 0 to 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -42,7 +42,7 @@ impl Effort {
 /// A layout to be looked at: a method and what it is told.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
-    pub(crate) name: String,
+    pub(crate) id: PlanId,
     pub(crate) method: Method,
     pub(crate) options: Options,
 }
@@ -146,7 +146,7 @@ pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
         tell(&mut told);
         let extents = [told.max_group_extent_ratio, options.max_group_extent_ratio];
         told.max_group_extent_ratio = extents.into_iter().flatten().reduce(f64::min);
-        Plan { name: name.to_owned(), method, options: told }
+        Plan { id: PlanId::new(method, name), method, options: told }
     };
     PLANS.iter().filter(|entry| entry.0 <= effort.0).filter(heeds).map(plan).collect()
 }
@@ -169,7 +169,7 @@ mod tests {
         let options = Options { max_group_extent_ratio: Some(0.3), ..Options::default() };
         for plan in plans(Effort::new(6), &options) {
             assert!(matches!(plan.method, Method::Keep | Method::Cluster));
-            assert!(plan.options.max_group_extent_ratio.is_some_and(|ratio| ratio <= 0.3), "{}", plan.name);
+            assert!(plan.options.max_group_extent_ratio.is_some_and(|ratio| ratio <= 0.3), "{}", plan.id);
         }
     }
 }

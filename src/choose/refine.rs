@@ -22,12 +22,6 @@ pub(super) enum Round {
     Axes { of: usize, ways: usize },
 }
 
-/// What a refined plan is called, after its first name.
-const REFINED: &str = ", refined to entry ";
-
-/// What a layout along other axes is called, after the name of its plan.
-const ALONG: &str = ", axes ";
-
 /// Candidates slower than this share of the fastest are not worth other axes.
 const NEAR_FASTEST: f64 = 0.95;
 
@@ -68,11 +62,10 @@ fn neighbours(plan: &Plan, step: f64) -> Vec<Plan> {
     if plan.method != Method::Cluster || plan.options.entry_cost >= PROHIBITIVE {
         return Vec::new();
     }
-    let name = plan.name.split(REFINED).next().unwrap_or_default();
     let near = |factor: f64| {
         let mut near = plan.clone();
         near.options.entry_cost *= factor;
-        near.name = format!("{name}{REFINED}{:.2}", near.options.entry_cost);
+        near.id = near.id.refined(near.options.entry_cost);
         near
     };
     [1.0 / step, step].map(near).to_vec()
@@ -102,28 +95,25 @@ pub(super) fn worth_a_closer_look(near: &[Candidate]) -> Vec<usize> {
 /// A candidate along other axes, which costs as much as far as anyone can tell.
 fn turned(candidate: &Candidate, axes: usize) -> Candidate {
     let laid = Laid { axes: axes as u8, ..candidate.laid.clone() };
-    let plan = Plan { name: format!("{}{ALONG}{axes}", candidate.plan.name), ..candidate.plan.clone() };
+    let plan = Plan { id: candidate.plan.id.along(axes as u8), ..candidate.plan.clone() };
     Candidate { plan, laid, lap: None, brief: None, seconds: 0.0, outcome: String::new(), ..*candidate }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::methods::Options;
+    use crate::methods::{Options, PlanId};
 
     fn plan(method: Method, entry_cost: f64) -> Plan {
-        Plan { name: "cluster".into(), method, options: Options { entry_cost, ..Options::default() } }
+        Plan { id: method.into(), method, options: Options { entry_cost, ..Options::default() } }
     }
 
     #[test]
     fn neighbours_lie_on_both_sides() {
         let near = neighbours(&plan(Method::Cluster, 10.0), 1.25);
         assert_eq!(near.iter().map(|p| p.options.entry_cost).collect::<Vec<_>>(), [8.0, 12.5]);
-        assert_eq!(
-            [&near[0].name, &near[1].name],
-            ["cluster, refined to entry 8.00", "cluster, refined to entry 12.50"]
-        );
-        assert_eq!(neighbours(&near[1], 1.25)[0].name, "cluster, refined to entry 10.00");
+        let ids = [&near[0], &near[1], &neighbours(&near[1], 1.25)[0]].map(|plan| plan.id);
+        assert_eq!(ids, [8.0, 12.5, 10.0].map(|cost| PlanId::from(Method::Cluster).refined(cost)));
     }
 
     #[test]

@@ -205,12 +205,12 @@ fn chosen_plans(source: &Source<'_>, keys: &Keys) -> Result<Vec<Plan>, LabError>
         (None, None) => return Ok(of_effort(most)),
     };
     let all = of_effort(most);
-    let defaults = Method::ALL.map(|m| Plan { name: m.name().to_owned(), method: m, options: Options::default() });
+    let defaults = Method::ALL.map(|m| Plan { id: m.into(), method: m, options: Options::default() });
     let known: Vec<&Plan> = all.iter().chain(&defaults).collect();
     let plan = |name: &Spanned<String>| {
-        let found = known.iter().find(|plan| plan.name == *name.get_ref());
+        let found = known.iter().find(|plan| plan.id.to_string() == *name.get_ref());
         found.map(|plan| (*plan).clone()).ok_or_else(|| {
-            let mut names: Vec<String> = known.iter().map(|p| format!("`{}`", p.name)).collect();
+            let mut names: Vec<String> = known.iter().map(|p| format!("`{}`", p.id)).collect();
             names.sort();
             names.dedup();
             let cause = format!("`methods`: there is no `{}`; there are {}", name.get_ref(), names.join(", "));

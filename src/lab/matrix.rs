@@ -65,8 +65,8 @@ fn lay_out_all(scene: &mut Scene, plans: &[Plan], config: &Config) -> Vec<Entry>
     for plan in plans {
         let laid = lay_out(&mut cache, scene, plan, config.verify.max_position_error_ratio);
         match entries.iter_mut().find(|e| e.laid.is_same(&laid)) {
-            Some(same) => same.names.push(plan.name.clone()),
-            None => entries.push(Entry { names: vec![plan.name.clone()], laid }),
+            Some(same) => same.names.push(plan.id.to_string()),
+            None => entries.push(Entry { names: vec![plan.id.to_string()], laid }),
         }
     }
     entries

@@ -10,10 +10,12 @@ mod overlap;
 mod parts;
 mod per_object;
 mod pieces;
+mod plan_id;
 mod single;
 
 pub use cluster::{Cache, looseness};
 pub use parts::{isolates, opacities_differ};
+pub use plan_id::PlanId;
 
 use crate::cost::segments::Segment;
 use crate::layout::Layout;
@@ -44,7 +46,7 @@ impl Method {
         [Method::Keep, Method::Single, Method::PerObject, Method::Bvh, Method::Overlap, Method::Cluster];
 
     /// The name on the command line and in reports.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Method::Keep => "keep",
             Method::Single => "single",

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::text::{padded, wrapped};
 use super::{Candidate, MethodReport};
+use crate::methods::PlanId;
 use crate::words::bytes;
 
 /// Characters of a line.
@@ -59,7 +60,7 @@ pub(super) fn table(method: &MethodReport, all: bool) -> String {
         true => ALWAYS[..2].iter().chain(&MEASURED).chain(&ALWAYS[2..]).copied().collect(),
         false => ALWAYS.to_vec(),
     };
-    let mut text = rows(&listed, &columns, &method.chosen_candidate);
+    let mut text = rows(&listed, &columns, method.chosen_candidate);
     match brief.len() {
         0 => {}
         1 => text += "1 more, timed briefly along other axes, was slower than the best of its kind (-v lists it)\n",
@@ -73,14 +74,14 @@ pub(super) fn table(method: &MethodReport, all: bool) -> String {
     format!("\n{text}")
 }
 
-fn rows(candidates: &[&Candidate], columns: &[Column], chosen: &str) -> String {
+fn rows(candidates: &[&Candidate], columns: &[Column], chosen: PlanId) -> String {
     let cells: Vec<Vec<String>> = candidates.iter().map(|c| columns.iter().map(|(_, of)| of(c)).collect()).collect();
     let width_of = |column: usize| {
         let widths = cells.iter().map(|row| row[column].chars().count());
         widths.chain([columns[column].0.len()]).max().unwrap_or(0)
     };
     let widths: Vec<usize> = (0..columns.len()).map(width_of).collect();
-    let longest = candidates.iter().map(|c| c.name.chars().count()).max().unwrap_or(0);
+    let longest = candidates.iter().map(|c| c.id.to_string().chars().count()).max().unwrap_or(0);
     let name = longest.clamp("candidate".len(), NAME);
     let numbers: usize = widths.iter().map(|width| width + 2).sum();
     let outcome = WIDTH.saturating_sub(name + numbers + 2).max(OUTCOME);
@@ -91,9 +92,9 @@ fn rows(candidates: &[&Candidate], columns: &[Column], chosen: &str) -> String {
     };
     let mut text = line("candidate", &|column| columns[column].0.to_owned(), "outcome");
     for (candidate, cells) in candidates.iter().zip(&cells) {
-        let names = wrapped(&candidate.name, name);
+        let names = wrapped(&candidate.id.to_string(), name);
         // The reason stands above the table.
-        let words = if candidate.name == chosen { "chosen" } else { &candidate.outcome };
+        let words = if candidate.id == chosen { "chosen" } else { &candidate.outcome };
         let outcomes = wrapped(words, outcome);
         for i in 0..names.len().max(outcomes.len()) {
             let part = |of: &[String]| of.get(i).cloned().unwrap_or_default();
@@ -112,6 +113,7 @@ mod tests {
     use super::super::DecidedBy;
     use super::super::tests::{candidate, method};
     use super::*;
+    use crate::methods::Method;
 
     #[test]
     fn small_speeds_are_not_rounded_to_nothing() {
@@ -121,21 +123,21 @@ mod tests {
     #[test]
     fn lines_are_short_and_nothing_of_names_and_outcomes_is_lost() {
         let mut method = method(DecidedBy::Measurement);
-        let name = "cluster by rays, entry 16, at most 65,536 triangles, refined to entry 13.91, axes 21";
+        let plan = PlanId::new(Method::Cluster, "cluster by rays, entry 16, at most 65,536 triangles");
+        let id = plan.refined(13.91).along(21);
         method.candidates.push(super::Candidate {
-            name: name.into(),
             measured_mrays_per_s: Some(0.6),
             measured_speedup_ratio: Some(1.234),
             measured_spread_ratio: Some(0.01),
             position_error_ratio: Some(1.3e-8),
-            ..candidate("", 123_456.0)
+            ..candidate(id, 123_456.0)
         });
         let text = table(&method, true);
         assert!(text.lines().all(|line| line.chars().count() <= WIDTH), "{text}");
         let squeezed = |text: &str| text.chars().filter(|c| !c.is_whitespace()).collect::<String>();
         let first = |line: &str| line.chars().take(NAME).collect::<String>();
         let names: String = text.lines().map(first).collect();
-        assert!(squeezed(&names).contains(&squeezed(name)), "{text}");
+        assert!(squeezed(&names).contains(&squeezed(&id.to_string())), "{text}");
         for words in ["0.60", "1.234 +- 0.010", "1e-8", "speedup", "error"] {
             assert!(text.contains(words), "{words} is missing in\n{text}");
         }
@@ -152,7 +154,9 @@ mod tests {
     #[test]
     fn candidates_timed_briefly_are_counted() {
         let mut method = method(DecidedBy::Measurement);
-        method.candidates.push(super::Candidate { brief: true, ..candidate("single, axes 3", 1.0) });
+        method
+            .candidates
+            .push(super::Candidate { brief: true, ..candidate(PlanId::from(Method::Single).along(3), 1.0) });
         assert!(table(&method, false).contains("1 more, timed briefly along other axes, was slower"));
         assert!(table(&method, true).contains("single, axes 3"));
     }

@@ -17,6 +17,7 @@ use serde::Serialize;
 use crate::cost::Metrics;
 use crate::emit::Copied;
 use crate::layout::BlasPer;
+use crate::methods::PlanId;
 use crate::scene::Scene;
 use crate::verify::Verification;
 use crate::verify::verdict::Verdict;
@@ -114,7 +115,7 @@ pub struct MethodReport {
     /// The method of what was written.
     pub chosen: &'static str,
     /// The candidate that was written.
-    pub chosen_candidate: String,
+    pub chosen_candidate: PlanId,
     /// What decided.
     pub decided_by: DecidedBy,
     /// Why, in words.
@@ -128,7 +129,8 @@ pub struct MethodReport {
 #[non_exhaustive]
 pub struct Candidate {
     /// Its method, and what the method was told.
-    pub name: String,
+    #[serde(rename = "name")]
+    pub id: PlanId,
     /// Two-level cost; of the candidate that was written, that of `after`.
     pub predicted_cost: f64,
     /// Sampled cost: predicted picoseconds a ray, in the weighted mean over the kinds of rays. None where nothing was
@@ -286,9 +288,9 @@ impl MethodReport {
     /// has none before: it is not costed until it is written.
     pub fn with_written(mut self, after: &Metrics, position_error_ratio: f64, seconds: f64) -> Self {
         if self.candidates.is_empty() {
-            self.candidates.push(Candidate::written(&self.chosen_candidate, after, seconds));
+            self.candidates.push(Candidate::written(self.chosen_candidate, after, seconds));
         }
-        if let Some(candidate) = self.candidates.iter_mut().find(|c| c.name == self.chosen_candidate) {
+        if let Some(candidate) = self.candidates.iter_mut().find(|c| c.id == self.chosen_candidate) {
             candidate.position_error_ratio = Some(position_error_ratio);
             candidate.predicted_cost = after.two_level_cost;
         }
@@ -298,9 +300,9 @@ impl MethodReport {
 
 impl Candidate {
     /// The layout that was asked for.
-    fn written(name: &str, metrics: &Metrics, seconds: f64) -> Self {
+    fn written(id: PlanId, metrics: &Metrics, seconds: f64) -> Self {
         Candidate {
-            name: name.to_owned(),
+            id,
             predicted_cost: metrics.two_level_cost,
             sampled_cost: None,
             measured_mrays_per_s: None,
@@ -335,12 +337,13 @@ impl Input {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::Method;
     use crate::verify::MachineKind;
     use crate::verify::weights::Weights;
 
     /// A candidate that costs something.
-    pub(super) fn candidate(name: &str, sampled_cost: f64) -> Candidate {
-        let written = Candidate::written(name, &Metrics::default(), 0.5);
+    pub(super) fn candidate(id: impl Into<PlanId>, sampled_cost: f64) -> Candidate {
+        let written = Candidate::written(id.into(), &Metrics::default(), 0.5);
         Candidate { sampled_cost: Some(sampled_cost), outcome: "not chosen".into(), ..written }
     }
 
@@ -349,10 +352,10 @@ mod tests {
         MethodReport {
             requested: "auto",
             chosen: "single",
-            chosen_candidate: "single".into(),
+            chosen_candidate: Method::Single.into(),
             decided_by,
             reason: "a reason".into(),
-            candidates: vec![candidate("keep", 200.0), candidate("single", 100.0)],
+            candidates: vec![candidate(Method::Keep, 200.0), candidate(Method::Single, 100.0)],
         }
     }
 

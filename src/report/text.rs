@@ -42,15 +42,15 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
 
 /// What was chosen, by whom, and whether copies are shared.
 fn method(report: &BakeReport) -> String {
-    let MethodReport { chosen, chosen_candidate: name, reason, decided_by, .. } = &report.method;
+    let MethodReport { chosen, chosen_candidate: id, reason, decided_by, .. } = &report.method;
     let copies = report.passes.iter().find(|pass| pass.name == "find copies" && pass.applied);
     let and_copies = if copies.is_some() { ", with copies shared" } else { "" };
     let how = match decided_by {
         DecidedBy::Request => format!("method {chosen}{and_copies}"),
-        _ if name == "keep" && copies.is_some() => "auto chose the layout of the input, with copies shared".to_owned(),
-        _ if name == "keep" => "auto chose the input as it is".to_owned(),
-        _ if name.starts_with(chosen) => format!("auto chose `{name}`{and_copies}"),
-        _ => format!("auto chose `{name}` (method {chosen}){and_copies}"),
+        _ if id.is_input() && copies.is_some() => "auto chose the layout of the input, with copies shared".to_owned(),
+        _ if id.is_input() => "auto chose the input as it is".to_owned(),
+        _ if id.to_string().starts_with(chosen) => format!("auto chose `{id}`{and_copies}"),
+        _ => format!("auto chose `{id}` (method {chosen}){and_copies}"),
     };
     let copies = copies.map(|pass| format!("copies: {}\n", pass.reason)).unwrap_or_default();
     format!("\n{}{copies}", paragraph(&format!("{how} ({reason})")))

@@ -1,6 +1,7 @@
 //! What came of a bake, in words.
 
 use super::{DecidedBy, MethodReport, Speed};
+use crate::methods::{Method, PlanId};
 use crate::verify::Verification;
 use crate::verify::verdict::Verdict;
 
@@ -55,10 +56,10 @@ fn caution(overall: &Speed) -> Option<String> {
 
 /// What was predicted, where nothing else decided.
 fn predicted(method: &MethodReport, class: &str) -> Option<String> {
-    let cost = |name: &str| method.candidates.iter().find(|c| c.name == name)?.sampled_cost;
-    let name = &method.chosen_candidate;
-    let (before, after) = (cost("keep")?, cost(name)?);
-    (method.decided_by == DecidedBy::Prediction && name != "keep" && after > 0.0).then(|| {
+    let cost = |id: PlanId| method.candidates.iter().find(|c| c.id == id)?.sampled_cost;
+    let chosen = method.chosen_candidate;
+    let (before, after) = (cost(Method::Keep.into())?, cost(chosen)?);
+    (method.decided_by == DecidedBy::Prediction && !chosen.is_input() && after > 0.0).then(|| {
         format!(
             "chosen by prediction alone: {:.2} times the input's speed on a device of class {class}",
             before / after

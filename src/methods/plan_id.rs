@@ -1,0 +1,86 @@
+//! Names of layouts that are looked at.
+
+use std::fmt::{Display, Formatter, Result};
+
+use serde::{Serialize, Serializer};
+
+use super::Method;
+
+/// Which layout: that of a plan, as it was refined, along which axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanId {
+    method: Method,
+    /// The plan's name among those of the method; no other plan has it.
+    plan: &'static str,
+    /// The entry cost that replaces the plan's.
+    refined_entry_cost: Option<f64>,
+    /// How the axes of what is stored are turned; 0: not at all.
+    axes: u8,
+}
+
+impl PlanId {
+    /// A plan of a method, by a name that no other plan has.
+    pub const fn new(method: Method, plan: &'static str) -> PlanId {
+        PlanId { method, plan, refined_entry_cost: None, axes: 0 }
+    }
+
+    /// The same plan with another entry cost.
+    pub fn refined(self, entry_cost: f64) -> PlanId {
+        PlanId { refined_entry_cost: Some(entry_cost), ..self }
+    }
+
+    /// The same layout along other axes.
+    pub fn along(self, axes: u8) -> PlanId {
+        PlanId { axes, ..self }
+    }
+
+    /// The method.
+    pub fn method(self) -> Method {
+        self.method
+    }
+
+    /// Whether it is the input as it is.
+    pub fn is_input(self) -> bool {
+        self.method == Method::Keep
+    }
+}
+
+impl From<Method> for PlanId {
+    /// A method with its options as they are.
+    fn from(method: Method) -> PlanId {
+        PlanId::new(method, method.name())
+    }
+}
+
+impl Display for PlanId {
+    fn fmt(&self, f: &mut Formatter) -> Result {
+        f.write_str(self.plan)?;
+        if let Some(cost) = self.refined_entry_cost {
+            write!(f, ", refined to entry {cost:.2}")?;
+        }
+        match self.axes {
+            0 => Ok(()),
+            axes => write!(f, ", axes {axes}"),
+        }
+    }
+}
+
+impl Serialize for PlanId {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_plan_refinement_and_axes() {
+        let plan = PlanId::new(Method::Cluster, "cluster, entry 15");
+        assert_eq!(plan.to_string(), "cluster, entry 15");
+        assert_eq!(plan.refined(13.906).refined(16.5).to_string(), "cluster, entry 15, refined to entry 16.50");
+        assert_eq!(plan.refined(16.5).along(7).to_string(), "cluster, entry 15, refined to entry 16.50, axes 7");
+        assert_eq!(PlanId::from(Method::PerObject).to_string(), "per-object");
+    }
+}
