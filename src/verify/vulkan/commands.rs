@@ -1,4 +1,4 @@
-//! Work given to the device, one piece at a time, and how long it took.
+//! Submits work to the device, one piece at a time, and measures how long it takes.
 
 use std::sync::MutexGuard;
 
@@ -7,7 +7,7 @@ use ash::vk;
 use super::Error;
 use super::device::Device;
 
-/// The queue and the one command buffer that is recorded anew for each piece of work.
+/// The queue and the one command buffer that is recorded anew for each submission.
 pub(super) struct Queue {
     queue: vk::Queue,
     pool: vk::CommandPool,
@@ -24,7 +24,7 @@ impl Queue {
         // SAFETY: the family is the one the device was created with.
         let pool = unsafe { device.create_command_pool(&info, None) }.map_err(failed)?;
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-        // SAFETY: the pool was just made; on failure it goes, and nothing was made of it.
+        // SAFETY: the pool was just made; on failure it is destroyed, and nothing else uses it.
         let made = unsafe {
             device.allocate_command_buffers(&info).and_then(|buffers| {
                 device.create_fence(&vk::FenceCreateInfo::default(), None).map(|done| (buffers[0], done))
@@ -37,7 +37,7 @@ impl Queue {
                 Ok(Queue { queue, pool, buffer, done })
             }
             Err(e) => {
-                // SAFETY: the pool takes its command buffer along.
+                // SAFETY: destroying the pool also frees its command buffer.
                 unsafe { device.destroy_command_pool(pool, None) };
                 Err(failed(e))
             }
@@ -45,9 +45,9 @@ impl Queue {
     }
 
     /// # Safety
-    /// Nothing submitted may still run, and the queue is not used again.
+    /// No submission may still be running, and the queue must not be used again.
     pub(super) unsafe fn destroy(&mut self, device: &ash::Device) {
-        // SAFETY: as promised by the caller.
+        // SAFETY: guaranteed by the caller.
         unsafe {
             device.destroy_fence(self.done, None);
             device.destroy_command_pool(self.pool, None);
@@ -56,14 +56,14 @@ impl Queue {
 }
 
 impl Device {
-    /// Records work, has the device do it, and waits for it to be done, however long that takes.
+    /// Records work, submits it, and waits for it without a time limit.
     pub(super) fn submit(&self, what: &str, record: impl FnOnce(vk::CommandBuffer)) -> Result<(), Error> {
         let queue: MutexGuard<'_, Queue> = self.queue.lock().unwrap_or_else(|e| e.into_inner());
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let buffers = [queue.buffer];
         let submission = vk::SubmitInfo::default().command_buffers(&buffers);
-        // SAFETY: the lock keeps command buffer, queue and fence to this call, and the wait at its end keeps the
-        // next call from finding them in use. What is recorded answers for itself.
+        // SAFETY: the lock gives this call exclusive use of command buffer, queue and fence, and the wait at its end
+        // ensures that they are idle for the next call. The recorded commands state their own safety.
         unsafe {
             self.handle.begin_command_buffer(queue.buffer, &begin).and_then(|()| {
                 record(queue.buffer);
@@ -76,7 +76,7 @@ impl Device {
         .map_err(|e| Error::call(what, 0, e))
     }
 
-    /// Makes all that was written so far visible to all that follows.
+    /// Makes all earlier writes visible to all later commands.
     pub(super) fn barrier(&self, commands: vk::CommandBuffer) {
         let all = vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
@@ -88,7 +88,7 @@ impl Device {
         }
     }
 
-    /// Makes what the device wrote visible to the host.
+    /// Makes the device's writes visible to the host.
     pub(super) fn barrier_to_host(&self, commands: vk::CommandBuffer) {
         let to_host = vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
@@ -108,7 +108,7 @@ impl Device {
     }
 }
 
-/// Numbers the device writes down while it works.
+/// A query pool of values that the device writes while it works.
 pub(super) struct Queries<'d> {
     device: &'d Device,
     pub(super) pool: vk::QueryPool,
@@ -118,23 +118,23 @@ pub(super) struct Queries<'d> {
 impl<'d> Queries<'d> {
     pub(super) fn new(device: &'d Device, kind: vk::QueryType, count: u32) -> Result<Queries<'d>, Error> {
         let info = vk::QueryPoolCreateInfo::default().query_type(kind).query_count(count);
-        // SAFETY: the kinds used here need no feature beyond those enabled.
+        // SAFETY: the query types used here need no features beyond those enabled.
         let pool = unsafe { device.handle.create_query_pool(&info, None) }
             .map_err(|e| Error::call(&format!("making {count} queries"), u64::from(count) * 8, e))?;
         Ok(Queries { device, pool, count })
     }
 
-    /// Forgets earlier results; to be recorded before the queries are.
+    /// Resets the queries; must be recorded before they are used.
     pub(super) fn reset(&self, commands: vk::CommandBuffer) {
-        // SAFETY: the pool is alive and has so many queries.
+        // SAFETY: the pool is alive and has this many queries.
         unsafe { self.device.handle.cmd_reset_query_pool(commands, self.pool, 0, self.count) }
     }
 
-    /// The results; the work that wrote them must be done.
+    /// Returns the results; the work that writes them must have completed.
     pub(super) fn results(&self) -> Result<Vec<u64>, Error> {
         let mut results = vec![0u64; self.count as usize];
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-        // SAFETY: as above; the slice has one element a query.
+        // SAFETY: as above; the slice has one element per query.
         unsafe { self.device.handle.get_query_pool_results(self.pool, 0, &mut results, flags) }
             .map_err(|e| Error::call("reading queries", 0, e))?;
         Ok(results)
@@ -143,12 +143,12 @@ impl<'d> Queries<'d> {
 
 impl Drop for Queries<'_> {
     fn drop(&mut self) {
-        // SAFETY: submissions are waited for, so that none uses the pool.
+        // SAFETY: all submissions are waited for, so none still uses the pool.
         unsafe { self.device.handle.destroy_query_pool(self.pool, None) }
     }
 }
 
-/// Measures how long a piece of recorded work takes on the device.
+/// Measures how long recorded work takes on the device.
 pub(super) struct Timer<'d> {
     queries: Queries<'d>,
 }
@@ -168,11 +168,11 @@ impl<'d> Timer<'d> {
 
     fn stamp(&self, commands: vk::CommandBuffer, query: u32) {
         let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
-        // SAFETY: the command buffer is being recorded, the pool has two queries, and the family takes timestamps.
+        // SAFETY: the command buffer is being recorded, the pool has two queries, and the family supports timestamps.
         unsafe { self.queries.device.handle.cmd_write_timestamp(commands, stage, self.queries.pool, query) }
     }
 
-    /// Milliseconds between the timestamps of the last submission.
+    /// Returns the time between the timestamps of the last submission, in milliseconds.
     pub(super) fn milliseconds(&self) -> Result<f64, Error> {
         let stamps = self.queries.results()?;
         let device = self.queries.device;

@@ -1,4 +1,4 @@
-//! An opened device: chosen, created, and the one queue that everything runs on.
+//! An opened device: selection, creation, and the one queue on which everything runs.
 
 use std::sync::{Arc, Mutex};
 
@@ -10,15 +10,15 @@ use super::info::{DeviceInfo, NEEDED, QueueFamily, queue_family};
 use super::instance::{Loaded, Vulkan};
 use super::memory::Ledger;
 
-/// Which device to open.
+/// The device to open.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Wanted {
-    /// The first that can trace rays; a software driver only where there is no other.
+    /// The first device that can trace rays; a software driver only if there is no other.
     #[default]
     Auto,
-    /// Its place in the list of devices.
+    /// The device at this position in the list of devices.
     Index(usize),
-    /// Part of its name, in any case.
+    /// A device whose name contains this text, ignoring case.
     Name(String),
 }
 
@@ -42,7 +42,7 @@ impl std::fmt::Display for Wanted {
     }
 }
 
-/// A device that traces rays. Buffers, structures and tracers borrow it and free themselves.
+/// A device that can trace rays. Buffers, structures and tracers borrow it and free themselves.
 pub struct Device {
     info: DeviceInfo,
     pub(super) handle: ash::Device,
@@ -50,11 +50,11 @@ pub struct Device {
     pub(super) pipelines: khr::ray_tracing_pipeline::Device,
     pub(super) memory: vk::PhysicalDeviceMemoryProperties,
     pub(super) ledger: Ledger,
-    /// Nanoseconds a tick of timestamps.
+    /// Nanoseconds per timestamp tick.
     pub(super) timestamp_period: f64,
     pub(super) family: QueueFamily,
     pub(super) queue: Mutex<Queue>,
-    /// The instance has to outlive the device.
+    /// Declared last, because the instance must outlive the device.
     loaded: Arc<Loaded>,
 }
 
@@ -77,7 +77,7 @@ impl Device {
         // SAFETY: as above.
         let memory = unsafe { loaded.instance.get_physical_device_memory_properties(physical) };
         let queue = Queue::new(&handle, family.index).inspect_err(|_| {
-            // SAFETY: nothing else was made of the device.
+            // SAFETY: nothing else was created from the device.
             unsafe { handle.destroy_device(None) }
         })?;
         Ok(Device {
@@ -94,36 +94,36 @@ impl Device {
         })
     }
 
-    /// What it is and can do.
+    /// Returns the description of the device.
     pub fn info(&self) -> &DeviceInfo {
         &self.info
     }
 
-    /// Most of its memory that was in use at a time, in bytes.
+    /// Returns the peak use of device memory, in bytes.
     #[cfg(test)]
     pub(in crate::verify) fn peak_memory(&self) -> u64 {
         self.ledger.peak()
     }
 
-    /// Bytes of its memory that are in use.
+    /// Returns the device memory in use, in bytes.
     #[cfg(test)]
     pub(super) fn used_memory(&self) -> u64 {
         self.ledger.used()
     }
 
-    /// To have things split that would take gigabytes before they are.
+    /// Lets tests lower limits, to cause splits that would otherwise need gigabytes.
     #[cfg(test)]
     pub(super) fn limits_mut(&mut self) -> &mut super::info::Limits {
         &mut self.info.limits
     }
 
-    /// As [`Vulkan::take_validation_messages`].
+    /// See [`Vulkan::take_validation_messages`].
     pub fn take_validation_messages(&self) -> Vec<String> {
         Vulkan { loaded: self.loaded.clone() }.take_validation_messages()
     }
 }
 
-/// The device wanted, of all there are.
+/// Selects the wanted device from the list.
 fn choose(devices: Vec<DeviceInfo>, wanted: &Wanted) -> Result<DeviceInfo, Error> {
     let list = || devices.iter().map(|d| format!("{} ({})", d.index, d.name)).collect::<Vec<_>>().join(", ");
     let seen = if devices.is_empty() { "none".into() } else { list() };
@@ -139,7 +139,7 @@ fn choose(devices: Vec<DeviceInfo>, wanted: &Wanted) -> Result<DeviceInfo, Error
     }
 }
 
-/// The first device with `part` in its name, if possible one that can trace rays.
+/// Returns the first device with `part` in its name, preferring devices that can trace rays.
 fn named(devices: Vec<DeviceInfo>, part: &str) -> Option<DeviceInfo> {
     devices.into_iter().filter(|d| d.name.to_lowercase().contains(part)).min_by_key(|d| !d.can_trace())
 }
@@ -161,14 +161,14 @@ fn create(
         .push_next(&mut structures)
         .push_next(&mut pipelines)
         .push_next(&mut addresses);
-    // SAFETY: the device was found to have these extensions, features and queues; all outlive the call.
+    // SAFETY: the device has these extensions, features and queues; all arguments outlive the call.
     unsafe { instance.create_device(physical, &info, None) }
         .map_err(|e| Error::call(&format!("opening the device `{name}`"), 0, e))
 }
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // SAFETY: what borrows the device is gone, and every submission was waited for.
+        // SAFETY: everything that borrows the device is gone, and every submission was waited for.
         unsafe {
             self.queue.get_mut().unwrap_or_else(|e| e.into_inner()).destroy(&self.handle);
             self.handle.destroy_device(None);

@@ -1,61 +1,61 @@
-//! What can go wrong on a device.
+//! Errors of the Vulkan code.
 
 use ash::vk;
 
-/// Why something could not be done on a Vulkan device.
+/// The reason why something failed on a Vulkan device.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Error {
-    /// This machine has no Vulkan loader, no driver or no device; the reason in words.
+    /// This machine has no Vulkan loader, driver or device; holds a description.
     #[error("Vulkan is not available: {0}")]
     Unavailable(String),
-    /// No device is called so, or has this index.
+    /// No device has this name or index.
     #[error("there is no Vulkan device {wanted}; there is {seen}")]
     NoSuchDevice {
-        /// What was asked for.
+        /// The requested name or index.
         wanted: String,
-        /// The devices there are.
+        /// The available devices.
         seen: String,
     },
-    /// A device without the extensions or features needed.
+    /// The device lacks required extensions or features.
     #[error("Vulkan device `{device}` cannot trace rays: it lacks {missing}")]
     CannotTrace {
         /// Name of the device.
         device: String,
-        /// What it lacks.
+        /// The missing extensions or features.
         missing: String,
     },
-    /// A normal event with big scenes.
+    /// Memory ran out, which is normal with large scenes.
     #[error("out of {} memory for {what} ({})", if *.on_device { "device" } else { "host" }, Bytes(*.bytes))]
     OutOfMemory {
         /// The object that needed the memory.
         what: String,
-        /// Its size.
+        /// Its size, in bytes.
         bytes: u64,
-        /// Whether the device's memory ran out or the host's.
+        /// Whether device memory ran out, rather than host memory.
         on_device: bool,
     },
-    /// A scene larger than the device allows.
+    /// The scene exceeds a limit of the device.
     #[error("{what}: {count}, and the device takes at most {limit}")]
     Limit {
-        /// What there is too much of.
+        /// The limited objects.
         what: String,
-        /// How much there is.
+        /// Their number in the scene.
         count: u64,
-        /// How much there may be.
+        /// The largest allowed number.
         limit: u64,
     },
-    /// Any other failure of a call.
+    /// Any other failed call.
     #[error("{what}: {result}")]
     Call {
-        /// What was being done.
+        /// The attempted operation.
         what: String,
-        /// What the driver answered.
+        /// The result code of the driver.
         result: vk::Result,
     },
 }
 
 impl Error {
-    /// The error of a failed call; `bytes` is the size of what the call was to make, where it has one.
+    /// Returns the error of a failed call; `bytes` is the size of the object to be created, if it has one.
     pub(super) fn call(what: &str, bytes: u64, result: vk::Result) -> Error {
         let what = what.to_owned();
         match result {
@@ -65,13 +65,13 @@ impl Error {
         }
     }
 
-    /// Fails where `count` exceeds `limit`.
+    /// Fails if `count` exceeds `limit`.
     pub(super) fn check_limit(what: impl FnOnce() -> String, count: u64, limit: u64) -> Result<(), Error> {
         if count <= limit { Ok(()) } else { Err(Error::Limit { what: what(), count, limit }) }
     }
 }
 
-/// A number of bytes for people to read.
+/// A number of bytes, displayed in readable units.
 struct Bytes(u64);
 
 impl std::fmt::Display for Bytes {

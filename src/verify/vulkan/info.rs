@@ -1,4 +1,4 @@
-//! What a device is and can do.
+//! Properties and capabilities of a device.
 
 use std::ffi::CStr;
 
@@ -6,85 +6,85 @@ use ash::{khr, vk};
 
 use super::Error;
 
-/// The extensions needed beyond Vulkan 1.2, and nothing else: data-centre GPUs have neither ray queries nor position
-/// fetch.
+/// The required extensions besides Vulkan 1.2. No others are required, because data-centre GPUs lack ray queries and
+/// position fetch.
 pub(super) const NEEDED: [&CStr; 3] =
     [khr::acceleration_structure::NAME, khr::ray_tracing_pipeline::NAME, khr::deferred_host_operations::NAME];
 
-/// Words by which the names of extensions that concern ray tracing are known.
+/// Substrings that identify extensions related to ray tracing.
 const RAY_TRACING_WORDS: [&str; 5] =
     ["acceleration_structure", "_ray_", "deferred_host_operations", "micromap", "shader_invocation_reorder"];
 
-/// A Vulkan device.
+/// Description of a Vulkan device.
 #[derive(Clone, Debug)]
 pub struct DeviceInfo {
-    /// Its place in the list of devices.
+    /// Position in the list of devices.
     pub index: usize,
     /// Name, such as `NVIDIA H200`.
     pub name: String,
-    /// Driver and its version, such as `NVIDIA 580.159.03`.
+    /// Driver name and version, such as `NVIDIA 580.159.03`.
     pub driver: String,
-    /// Version of Vulkan the device knows, such as `1.4.312`.
+    /// Supported Vulkan version, such as `1.4.312`.
     pub vulkan_version: String,
-    /// Whether the device is the CPU.
+    /// Whether the device is a software driver that runs on the CPU.
     pub is_software: bool,
-    /// Extensions that concern ray tracing, sorted.
+    /// Extensions related to ray tracing, sorted.
     pub extensions: Vec<String>,
-    /// What it lacks to trace rays; empty if it can.
+    /// Extensions and features it lacks for tracing rays; empty if it can trace.
     pub missing: Vec<String>,
-    /// How much it takes.
+    /// Limits relevant to ray tracing.
     pub limits: Limits,
-    /// Its memory.
+    /// Memory heaps.
     pub heaps: Vec<Heap>,
 }
 
-/// How much a device takes; all zero where it cannot trace rays.
+/// Limits of a device; all zero if it cannot trace rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Limits {
-    /// Instances of a TLAS.
+    /// Largest number of instances in a TLAS.
     pub instances: u64,
-    /// Geometries of a BLAS.
+    /// Largest number of geometries in a BLAS.
     pub geometries: u64,
-    /// Triangles of a BLAS.
+    /// Largest number of triangles in a BLAS.
     pub primitives: u64,
     /// Alignment of scratch memory, in bytes.
     pub scratch_alignment: u64,
-    /// Size of one allocation, in bytes.
+    /// Largest size of one allocation, in bytes.
     pub max_allocation: u64,
-    /// Rays of one launch in one dimension.
+    /// Largest number of rays of one launch in one dimension.
     pub rays_per_launch: u64,
-    /// Bytes of a shader's handle in the table of shaders.
+    /// Size of a shader group handle, in bytes.
     pub(super) handle_size: u64,
-    /// Alignment of each part of the table of shaders, in bytes.
+    /// Alignment of each region of the shader binding table, in bytes.
     pub(super) table_alignment: u64,
 }
 
-/// A heap of memory.
+/// A memory heap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heap {
-    /// Its size.
+    /// Size in bytes.
     pub bytes: u64,
-    /// Whether it is the device's own.
+    /// Whether the heap is device-local.
     pub on_device: bool,
 }
 
 impl DeviceInfo {
-    /// Whether it can trace rays.
+    /// Whether the device can trace rays.
     pub fn can_trace(&self) -> bool {
         self.missing.is_empty()
     }
 
-    /// Bytes of the device's own memory.
+    /// Returns the size of the device-local memory, in bytes.
     pub fn memory(&self) -> u64 {
         self.heaps.iter().filter(|h| h.on_device).map(|h| h.bytes).sum()
     }
 }
 
-/// The family of queues that builds, traces and copies; timestamps count its time.
+/// The queue family used to build, trace and copy, which supports timestamps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct QueueFamily {
     pub(super) index: u32,
-    /// Bits of a timestamp that mean something.
+    /// Number of valid bits in a timestamp.
     pub(super) timestamp_bits: u32,
 }
 
@@ -94,7 +94,7 @@ pub(super) fn describe(
     device: vk::PhysicalDevice,
     index: usize,
 ) -> Result<DeviceInfo, Error> {
-    // SAFETY: the device belongs to the instance, as in all calls of this file.
+    // SAFETY: the device belongs to the instance, as in all calls in this file.
     let core = unsafe { instance.get_physical_device_properties(device) };
     let name = core.device_name_as_c_str().map(lossy).unwrap_or_default();
     // SAFETY: as above.
@@ -147,14 +147,14 @@ fn heaps(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec<Heap> {
 fn driver(instance: &ash::Instance, device: vk::PhysicalDevice) -> String {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-    // SAFETY: see `describe`; Vulkan 1.2 knows the structure.
+    // SAFETY: see `describe`; the structure is part of Vulkan 1.2.
     unsafe { instance.get_physical_device_properties2(device, &mut properties) };
     let name = driver.driver_name_as_c_str().map(lossy).unwrap_or_default();
     let version = driver.driver_info_as_c_str().map(lossy).unwrap_or_default();
     format!("{name} {version}").trim().to_owned()
 }
 
-/// What the device lacks to trace rays.
+/// Lists what the device lacks for tracing rays.
 fn missing(instance: &ash::Instance, device: vk::PhysicalDevice, extensions: &[String]) -> Vec<String> {
     let absent = NEEDED.iter().map(|e| lossy(e)).filter(|e| extensions.binary_search(e).is_err());
     let mut missing: Vec<String> = absent.collect();
@@ -175,7 +175,7 @@ fn missing_features(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec
         .push_next(&mut structures)
         .push_next(&mut pipelines)
         .push_next(&mut addresses);
-    // SAFETY: see `describe`; the extensions of the structures are there.
+    // SAFETY: see `describe`; the device has the extensions of the structures.
     unsafe { instance.get_physical_device_features2(device, &mut features) };
     let needed = [
         ("accelerationStructure", structures.acceleration_structure),
@@ -185,7 +185,7 @@ fn missing_features(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec
     needed.into_iter().filter(|(_, has)| *has == vk::FALSE).map(|(name, _)| name).collect()
 }
 
-/// The first family of queues that computes and takes timestamps.
+/// Returns the first queue family that supports compute and timestamps.
 pub(super) fn queue_family(instance: &ash::Instance, device: vk::PhysicalDevice) -> Option<QueueFamily> {
     // SAFETY: see `describe`.
     let families = unsafe { instance.get_physical_device_queue_family_properties(device) };
@@ -203,7 +203,7 @@ fn limits(instance: &ash::Instance, device: vk::PhysicalDevice, core: &vk::Physi
         .push_next(&mut structures)
         .push_next(&mut pipelines)
         .push_next(&mut allocations);
-    // SAFETY: see `describe`; the extensions of the structures are there.
+    // SAFETY: see `describe`; the device has the extensions of the structures.
     unsafe { instance.get_physical_device_properties2(device, &mut properties) };
     let width = u64::from(core.max_compute_work_group_count[0]) * u64::from(core.max_compute_work_group_size[0]);
     Limits {

@@ -1,4 +1,4 @@
-//! The Vulkan loader and, where asked for, the validation layer.
+//! The Vulkan loader and, if requested, the validation layer.
 
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex};
@@ -11,18 +11,18 @@ use super::info::{DeviceInfo, describe};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// How to open Vulkan.
+/// Options for loading Vulkan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
-    /// Have every call checked by the validation layer, which must be installed.
+    /// Whether the validation layer, which must be installed, checks every call.
     pub validation: bool,
-    /// Bytes of a device's memory that may be used at a time; `None` for as many as it gives.
+    /// Limit on the device memory in use at a time, in bytes; `None` for no limit.
     pub device_memory: Option<u64>,
 }
 
 impl Options {
-    /// Validation where the environment says `RAYKILN_VULKAN_VALIDATION=1`, and the device memory of
-    /// `RAYKILN_DEVICE_MEMORY_BYTES` where that is a whole number.
+    /// Enables validation if `RAYKILN_VULKAN_VALIDATION=1` is set, and limits device memory to
+    /// `RAYKILN_DEVICE_MEMORY_BYTES` if that is an integer.
     pub fn from_env() -> Options {
         let memory = std::env::var("RAYKILN_DEVICE_MEMORY_BYTES").ok();
         Options {
@@ -32,7 +32,7 @@ impl Options {
     }
 }
 
-/// Vulkan, loaded.
+/// A loaded Vulkan library and its instance.
 #[derive(Clone)]
 pub struct Vulkan {
     pub(super) loaded: Arc<Loaded>,
@@ -44,16 +44,16 @@ impl std::fmt::Debug for Vulkan {
     }
 }
 
-/// The instance, and the loader's library that it lives in.
+/// The instance, and the loader library it depends on.
 pub(super) struct Loaded {
     pub(super) instance: ash::Instance,
-    /// As [`Options::device_memory`].
+    /// See [`Options::device_memory`].
     pub(super) device_memory: Option<u64>,
     validation: Option<Validation>,
     _entry: ash::Entry,
 }
 
-/// Messages of the validation layer.
+/// The validation layer's messages.
 struct Validation {
     debug_utils: ext::debug_utils::Instance,
     messenger: vk::DebugUtilsMessengerEXT,
@@ -65,9 +65,9 @@ impl Vulkan {
     /// Loads Vulkan.
     ///
     /// # Errors
-    /// [`Error::Unavailable`] without a loader or a driver, or without the validation layer where it is asked for.
+    /// [`Error::Unavailable`] without a loader or a driver, or if validation is requested and the layer is missing.
     pub fn load(options: Options) -> Result<Vulkan, Error> {
-        // SAFETY: the library loaded is the system's Vulkan loader; loading it runs no code that needs care.
+        // SAFETY: the loaded library is the system's Vulkan loader, whose initialization has no preconditions.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::Unavailable(format!("no loader ({e})")))?;
         if options.validation {
             require_layer(&entry)?;
@@ -81,10 +81,10 @@ impl Vulkan {
         Ok(Vulkan { loaded: Arc::new(loaded) })
     }
 
-    /// All devices, whether they can trace rays or not.
+    /// Lists all devices, whether or not they can trace rays.
     ///
     /// # Errors
-    /// A failure of the driver.
+    /// Fails if the driver does.
     pub fn devices(&self) -> Result<Vec<DeviceInfo>, Error> {
         let instance = &self.loaded.instance;
         let devices = self.loaded.physical_devices()?;
@@ -94,12 +94,12 @@ impl Vulkan {
     /// Opens a device that can trace rays.
     ///
     /// # Errors
-    /// [`Error::NoSuchDevice`], [`Error::CannotTrace`], or a failure of the driver.
+    /// Returns [`Error::NoSuchDevice`], [`Error::CannotTrace`], or the error of a failed driver call.
     pub fn open(&self, wanted: &Wanted) -> Result<Device, Error> {
         Device::open(self, wanted)
     }
 
-    /// Takes what the validation layer has said so far; always empty without validation.
+    /// Takes the messages of the validation layer so far; always empty without validation.
     pub fn take_validation_messages(&self) -> Vec<String> {
         let Some(validation) = &self.loaded.validation else { return Vec::new() };
         std::mem::take(&mut validation.messages.lock().unwrap_or_else(|e| e.into_inner()))
@@ -133,7 +133,7 @@ fn create(entry: &ash::Entry, options: Options) -> Result<ash::Instance, Error> 
         .application_info(&application)
         .enabled_layer_names(&layers)
         .enabled_extension_names(&extensions);
-    // SAFETY: names and structures outlive the call; the layer was found, and it brings the extension.
+    // SAFETY: names and structures outlive the call; the layer was found, and it provides the extension.
     unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
         vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::Unavailable("no driver".into()),
         e => Error::call("opening Vulkan", 0, e),
@@ -167,8 +167,8 @@ unsafe extern "system" fn collect(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user_data: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: the layer passes valid data, and the user data is the mutex given on creation, which is only ever
-    // used by shared reference.
+    // SAFETY: the layer passes valid data, and the user data is the mutex given at creation, which is only used by
+    // shared reference.
     let (data, messages) = unsafe { (&*data, &*user_data.cast::<Mutex<Vec<String>>>().cast_const()) };
     // SAFETY: the message is a string that lives as long as the data.
     let message = unsafe { data.message_as_c_str() }.map(CStr::to_string_lossy).unwrap_or_default();
@@ -178,7 +178,7 @@ unsafe extern "system" fn collect(
 
 impl Drop for Loaded {
     fn drop(&mut self) {
-        // SAFETY: devices hold an `Arc` of this, so none is left; the messenger goes before its instance.
+        // SAFETY: devices hold an `Arc` of this, so none is left; the messenger is destroyed before its instance.
         unsafe {
             if let Some(v) = &self.validation {
                 v.debug_utils.destroy_debug_utils_messenger(v.messenger, None);

@@ -1,4 +1,4 @@
-//! What host and shaders share: the structures of `shaders/interface.glsl`.
+//! Structures shared by host and shaders, declared in `shaders/interface.glsl`.
 
 use crate::verify::rays;
 
@@ -12,7 +12,7 @@ pub(super) struct Ray {
     pub(super) t_max: f32,
 }
 
-/// What a ray hit.
+/// Result of tracing a ray.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct Hit {
@@ -25,7 +25,7 @@ pub(super) struct Hit {
     pub(super) any_hits: u32,
 }
 
-/// What a launch is about: the push constants.
+/// Parameters of a launch: the push constants.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct Work {
@@ -34,15 +34,15 @@ pub(super) struct Work {
     pub(super) results: u64,
     pub(super) first: u32,
     pub(super) ray_flags: u32,
-    /// Units on the device a unit of the rays: a power of two.
+    /// Device units per ray unit, a power of two.
     pub(super) scale: f32,
-    /// Nothing may be left undefined.
+    /// Explicit, so that no byte is undefined.
     pub(super) padding: u32,
     pub(super) alpha: u64,
     pub(super) first_geometries: u64,
 }
 
-/// How hits of a geometry are tested.
+/// Parameters of the alpha test of a geometry.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct AlphaGeometry {
@@ -56,7 +56,7 @@ pub(super) struct AlphaGeometry {
 }
 
 impl AlphaGeometry {
-    /// Every hit counts.
+    /// Accepts every hit.
     pub(super) const ACCEPT: AlphaGeometry = AlphaGeometry {
         triangles: 0,
         texcoords: 0,

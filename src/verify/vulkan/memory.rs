@@ -1,4 +1,4 @@
-//! Buffers.
+//! Buffers and the accounting of device memory.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -7,22 +7,22 @@ use ash::vk;
 use super::Error;
 use super::device::Device;
 
-/// What a buffer is for.
+/// The purpose of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
     /// Vertices, indices and instances that structures are built from.
     BuildInput,
     /// Acceleration structures.
     Structures,
-    /// What a build writes down in between.
+    /// Temporary data of a build.
     Scratch,
-    /// What shaders read and write.
+    /// Data that shaders read and write.
     ShaderData,
-    /// The table of shaders.
+    /// The shader binding table.
     ShaderTable,
-    /// Host memory on its way to the device.
+    /// Host memory to be copied to the device.
     Upload,
-    /// Host memory for what comes back.
+    /// Host memory for results copied from the device.
     Download,
 }
 
@@ -52,7 +52,7 @@ impl Purpose {
         matches!(self, Purpose::Upload | Purpose::Download)
     }
 
-    /// Properties that the memory should have; where there is none such, the second.
+    /// Returns the preferred memory properties and, as a fallback, weaker ones.
     fn memory(self) -> [vk::MemoryPropertyFlags; 2] {
         use vk::MemoryPropertyFlags as Memory;
         let host = Memory::HOST_VISIBLE | Memory::HOST_COHERENT;
@@ -64,12 +64,12 @@ impl Purpose {
     }
 }
 
-/// Keeps account of the device's memory.
+/// Tracks the use of device memory.
 pub(super) struct Ledger {
-    /// Most that may be in use at a time, in bytes.
+    /// Limit on the memory in use at a time, in bytes.
     limit: u64,
     used: AtomicU64,
-    /// Most that was in use at a time.
+    /// Peak use, in bytes.
     peak: AtomicU64,
 }
 
@@ -78,7 +78,7 @@ impl Ledger {
         Ledger { limit: limit.unwrap_or(u64::MAX), used: AtomicU64::new(0), peak: AtomicU64::new(0) }
     }
 
-    /// Enters bytes, unless they are beyond the limit.
+    /// Records an allocation, or fails if it would exceed the limit.
     fn take(&self, bytes: u64) -> Result<(), vk::Result> {
         let within = |used: u64| used.checked_add(bytes).filter(|sum| *sum <= self.limit);
         let before = self.used.fetch_update(Ordering::Relaxed, Ordering::Relaxed, within);
@@ -91,55 +91,55 @@ impl Ledger {
         self.used.fetch_sub(bytes, Ordering::Relaxed);
     }
 
-    /// What is in use, in bytes.
+    /// Returns the memory in use, in bytes.
     #[cfg(test)]
     pub(super) fn used(&self) -> u64 {
         self.used.load(Ordering::Relaxed)
     }
 
-    /// Most that was in use at a time, in bytes.
+    /// Returns the peak use, in bytes.
     #[cfg(test)]
     pub(super) fn peak(&self) -> u64 {
         self.peak.load(Ordering::Relaxed)
     }
 }
 
-/// A buffer with memory of its own. There are few of them, each of many objects, as devices limit the number of
-/// allocations (often to 4096).
+/// A buffer with its own memory. Each holds many objects, because devices limit the number of allocations (often to
+/// 4096).
 pub(super) struct Buffer<'d> {
     device: &'d Device,
     pub(super) handle: vk::Buffer,
     memory: vk::DeviceMemory,
-    /// Bytes entered into the device's ledger.
+    /// Size recorded in the device's ledger, in bytes.
     entered: u64,
     pub(super) size: u64,
-    /// Where shaders and builds find it; 0 for memory of the host.
+    /// Device address; 0 for host memory.
     pub(super) address: u64,
-    /// Where the host finds it; null for memory of the device.
+    /// Pointer to the mapped memory; null for device memory.
     mapped: *mut u8,
 }
 
-// SAFETY: the pointer is to mapped memory that the buffer owns; it is written through only by `&mut self`.
+// SAFETY: the pointer refers to mapped memory owned by the buffer, which is only written through `&mut self`.
 unsafe impl Send for Buffer<'_> {}
 // SAFETY: as above.
 unsafe impl Sync for Buffer<'_> {}
 
 impl<'d> Buffer<'d> {
-    /// A buffer of at least one byte, with whatever was in its memory. `what` names it in errors.
+    /// Creates a buffer of at least one byte with undefined contents. `what` names it in errors.
     pub(super) fn new(device: &'d Device, what: &str, size: u64, purpose: Purpose) -> Result<Buffer<'d>, Error> {
         let size = size.max(1);
         Error::check_limit(|| format!("bytes of {what}"), size, device.info().limits.max_allocation)?;
         let failed = |e| Error::call(what, size, e);
         let info = vk::BufferCreateInfo::default().size(size).usage(purpose.usage());
-        // SAFETY: the usages need no more than the extensions enabled.
+        // SAFETY: the usages need only the enabled extensions.
         let handle = unsafe { device.handle.create_buffer(&info, None) }.map_err(failed)?;
-        // Freed by `Drop` from here on, whatever fails.
+        // From here on, `Drop` frees everything if a call fails.
         let (memory, mapped) = (vk::DeviceMemory::null(), std::ptr::null_mut());
         let mut buffer = Buffer { device, handle, memory, entered: 0, size, address: 0, mapped };
         buffer.allocate(purpose).map_err(failed)?;
         if purpose.usage().contains(vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS) {
             let info = vk::BufferDeviceAddressInfo::default().buffer(handle);
-            // SAFETY: the buffer has memory and was made to have an address.
+            // SAFETY: the buffer has memory and was created with a device address.
             buffer.address = unsafe { device.handle.get_buffer_device_address(&info) };
         }
         Ok(buffer)
@@ -162,8 +162,8 @@ impl<'d> Buffer<'d> {
             self.device.ledger.take(needs.size)?;
             self.entered = needs.size;
         }
-        // SAFETY: size and type are what the buffer asks for, and the memory is bound once; it is mapped only where
-        // its type allows, and as a whole.
+        // SAFETY: size and type are those the buffer requires, and the memory is bound once; it is mapped only if its
+        // type allows it, and as a whole.
         unsafe {
             self.memory = vulkan.allocate_memory(&info, None)?;
             vulkan.bind_buffer_memory(self.handle, self.memory, 0)?;
@@ -175,30 +175,30 @@ impl<'d> Buffer<'d> {
         Ok(())
     }
 
-    /// The bytes, as the host sees them; none of a buffer in the device's memory.
+    /// Returns the bytes as seen by the host; empty for a buffer in device memory.
     pub(super) fn bytes(&self) -> &[u8] {
         if self.mapped.is_null() {
             return &[];
         }
-        // SAFETY: the memory is mapped, at least `size` bytes long and written by the device only during
-        // submissions, which need the buffer's `bytes_mut` or its borrow to be over.
+        // SAFETY: the memory is mapped, is at least `size` bytes long, and is written by the device only during
+        // submissions, which need the borrow of the buffer or its `bytes_mut` to have ended.
         unsafe { std::slice::from_raw_parts(self.mapped, self.size as usize) }
     }
 
-    /// As [`Buffer::bytes`], to write.
+    /// Returns the bytes of [`Buffer::bytes`] for writing.
     pub(super) fn bytes_mut(&mut self) -> &mut [u8] {
         if self.mapped.is_null() {
             return &mut [];
         }
-        // SAFETY: as above; the borrow is the only one.
+        // SAFETY: as above; the borrow is unique.
         unsafe { std::slice::from_raw_parts_mut(self.mapped, self.size as usize) }
     }
 }
 
 impl Drop for Buffer<'_> {
     fn drop(&mut self) {
-        // SAFETY: submissions are waited for, so that none uses the buffer; freeing null memory does nothing, and
-        // freeing unmaps.
+        // SAFETY: all submissions are waited for, so none uses the buffer; freeing null memory is a no-op, and freeing
+        // unmaps.
         unsafe {
             self.device.handle.destroy_buffer(self.handle, None);
             self.device.handle.free_memory(self.memory, None);
@@ -207,7 +207,7 @@ impl Drop for Buffer<'_> {
     }
 }
 
-/// The type of memory that suits best, of those in `allowed` (one bit a type).
+/// Returns the best suited of the memory types in `allowed` (one bit per type).
 fn memory_kind(memory: &vk::PhysicalDeviceMemoryProperties, allowed: u32, purpose: Purpose) -> Option<u32> {
     let types = memory.memory_types_as_slice();
     purpose.memory().into_iter().find_map(|wanted| {
@@ -216,25 +216,25 @@ fn memory_kind(memory: &vk::PhysicalDeviceMemoryProperties, allowed: u32, purpos
     })
 }
 
-/// Where an object lies: in which buffer, and at which offset.
+/// Location of an object: a buffer and an offset in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) buffer: usize,
     pub(super) offset: u64,
 }
 
-/// Objects laid one after another into few buffers.
+/// A layout of objects in order into few buffers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Packing {
-    /// For each object its place.
+    /// Location of each object.
     pub(super) places: Vec<Place>,
-    /// For each buffer its size.
+    /// Size of each buffer.
     pub(super) buffers: Vec<u64>,
 }
 
 impl Packing {
-    /// Lays objects of given sizes at multiples of `alignment` into buffers of at most `max_buffer` bytes; an object
-    /// larger than that gets a buffer to itself.
+    /// Places objects of the given sizes at multiples of `alignment` into buffers of at most `max_buffer` bytes; an
+    /// object larger than that gets a buffer to itself.
     pub(super) fn new(sizes: impl IntoIterator<Item = u64>, alignment: u64, max_buffer: u64) -> Packing {
         let mut packing = Packing::default();
         for size in sizes {
@@ -251,7 +251,7 @@ impl Packing {
         packing
     }
 
-    /// Makes the buffers.
+    /// Creates the buffers.
     pub(super) fn allocate<'d>(
         &self,
         device: &'d Device,

@@ -1,13 +1,13 @@
-//! Acceleration structures built and traced on a Vulkan device.
+//! Builds and traces acceleration structures on a Vulkan device.
 //!
-//! [`Vulkan`] loads the system's Vulkan at run time and lists and opens devices; a [`Device`] is what everything else
-//! borrows. [`VulkanTracer`] builds the BLASes and the TLAS of a [`Scene`](crate::scene::Scene) and traces rays
-//! through them with the pipelines of [`Pipelines`]; [`RayBuffer`] keeps rays on the device for several tracers.
+//! [`Vulkan`] loads the system's Vulkan at run time and lists and opens devices; everything else borrows a [`Device`].
+//! [`VulkanTracer`] builds the BLASes and the TLAS of a [`Scene`](crate::scene::Scene) and traces rays through them
+//! with the pipelines of [`Pipelines`]; [`RayBuffer`] keeps rays on the device for several tracers.
 //!
-//! Nothing here needs more of a device than the extensions `VK_KHR_acceleration_structure` and
-//! `VK_KHR_ray_tracing_pipeline` and buffer addresses. All unsafe code of the program is in this folder. Files, in
-//! the order in which they build on each other: `error`, `instance`, `info`, `device`, `commands`, `memory`,
-//! `transfer`, `accel`, `interface`, `alpha`, `pipeline`, `trace`, `tracer`.
+//! The only requirements are the extensions `VK_KHR_acceleration_structure` and `VK_KHR_ray_tracing_pipeline` and
+//! buffer addresses. All unsafe code of the program is in this folder. Files, in order of dependency: `error`,
+//! `instance`, `info`, `device`, `commands`, `memory`, `transfer`, `accel`, `interface`, `alpha`, `pipeline`, `trace`,
+//! `tracer`.
 
 #![allow(unsafe_code)]
 

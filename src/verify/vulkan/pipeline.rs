@@ -1,4 +1,4 @@
-//! The two ray tracing pipelines: one brings back whole hits, one as little as timing needs.
+//! The two ray tracing pipelines: one returns complete hits, the other as little as timing needs.
 
 use std::io::Cursor;
 
@@ -31,12 +31,12 @@ macro_rules! shaders {
     };
 }
 
-/// Write a [`super::interface::Hit`] a ray.
+/// Shaders that write one [`super::interface::Hit`] per ray.
 pub(super) const HITS: Shaders = shaders!("hits");
-/// Write a word a ray.
+/// Shaders that write one word per ray.
 pub(super) const TIMING: Shaders = shaders!("timing");
 
-/// A pipeline and its table of shaders.
+/// A pipeline and its shader binding table.
 pub(super) struct Pipeline<'d> {
     device: &'d Device,
     layout: vk::PipelineLayout,
@@ -46,7 +46,7 @@ pub(super) struct Pipeline<'d> {
 
 struct Table<'d> {
     _buffer: Buffer<'d>,
-    /// Ray generation, miss, hit.
+    /// Regions of the table: ray generation, miss, hit.
     regions: [vk::StridedDeviceAddressRegionKHR; 3],
 }
 
@@ -62,25 +62,25 @@ impl<'d> Pipeline<'d> {
         // SAFETY: the range is far smaller than any device's limit.
         let layout =
             unsafe { device.handle.create_pipeline_layout(&info, None) }.map_err(|e| Error::call(&what, 0, e))?;
-        // Freed by `Drop` from here on, whatever fails.
+        // From here on, `Drop` frees everything if a call fails.
         let mut pipeline = Pipeline { device, layout, handle: vk::Pipeline::null(), table: None };
         pipeline.handle = create(device, shaders, layout, &what)?;
         pipeline.table = Some(Table::new(device, pipeline.handle, &what)?);
         Ok(pipeline)
     }
 
-    /// Records launches over `rays` rays in one dimension, as many as the device's limit asks for.
+    /// Records one-dimensional launches over `rays` rays, as many as the device's limit requires.
     pub(super) fn trace(&self, commands: vk::CommandBuffer, work: Work, rays: u64, rays_per_launch: u64) {
         let Some(table) = &self.table else { return };
         let vulkan = &self.device.handle;
-        // SAFETY: the command buffer is being recorded, the pipeline is whole.
+        // SAFETY: the command buffer is being recorded, and the pipeline is complete.
         unsafe { vulkan.cmd_bind_pipeline(commands, vk::PipelineBindPoint::RAY_TRACING_KHR, self.handle) };
         for first in (0..rays).step_by(rays_per_launch.max(1) as usize) {
             let work = Work { first: first as u32, ..work };
             let count = (rays - first).min(rays_per_launch) as u32;
             let [generate, miss, hit] = &table.regions;
             let callable = vk::StridedDeviceAddressRegionKHR::default();
-            // SAFETY: as above; the table was made of this pipeline, and the caller's buffers hold `rays` elements.
+            // SAFETY: as above; the table belongs to this pipeline, and the caller's buffers hold `rays` elements.
             unsafe {
                 vulkan.cmd_push_constants(commands, self.layout, WORK_STAGES, 0, bytemuck::bytes_of(&work));
                 self.device.pipelines.cmd_trace_rays(commands, generate, miss, hit, &callable, count, 1, 1);
@@ -99,7 +99,7 @@ impl Modules<'_> {
     fn add(&mut self, spirv: &[u8]) -> Result<vk::ShaderModule, vk::Result> {
         let words = ash::util::read_spv(&mut Cursor::new(spirv)).map_err(|_| vk::Result::ERROR_INVALID_SHADER_NV)?;
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the SPIR-V is the project's own and needs no feature beyond those enabled.
+        // SAFETY: the SPIR-V is the project's own and needs no features beyond those enabled.
         let module = unsafe { self.device.handle.create_shader_module(&info, None) }?;
         self.handles.push(module);
         Ok(module)
@@ -109,7 +109,7 @@ impl Modules<'_> {
 impl Drop for Modules<'_> {
     fn drop(&mut self) {
         for module in &self.handles {
-            // SAFETY: pipelines do not need their modules once made.
+            // SAFETY: pipelines do not need their modules after creation.
             unsafe { self.device.handle.destroy_shader_module(*module, None) };
         }
     }
@@ -140,7 +140,7 @@ fn create(device: &Device, shaders: &Shaders, layout: vk::PipelineLayout, what: 
     unsafe { device.pipelines.create_ray_tracing_pipelines(operation, cache, &[info], None) }
         .map(|pipelines| pipelines[0])
         .map_err(|(made, e)| {
-            // SAFETY: what was made in spite of the failure is not used.
+            // SAFETY: pipelines that were created despite the failure are not used.
             made.into_iter().for_each(|p| unsafe { device.handle.destroy_pipeline(p, None) });
             failed(e)
         })
@@ -163,7 +163,7 @@ fn triangles(closest_hit: u32, any_hit: u32) -> vk::RayTracingShaderGroupCreateI
 }
 
 impl<'d> Table<'d> {
-    /// Three regions of one record each.
+    /// Creates three regions of one record each.
     fn new(device: &'d Device, pipeline: vk::Pipeline, what: &str) -> Result<Table<'d>, Error> {
         let limits = &device.info().limits;
         let (handle, alignment) = (limits.handle_size, limits.table_alignment.max(1));
@@ -188,7 +188,7 @@ impl<'d> Table<'d> {
 
 impl Drop for Pipeline<'_> {
     fn drop(&mut self) {
-        // SAFETY: submissions are waited for, so that none uses the pipeline; destroying null does nothing.
+        // SAFETY: all submissions are waited for, so none uses the pipeline; destroying null is a no-op.
         unsafe {
             self.device.handle.destroy_pipeline(self.handle, None);
             self.device.handle.destroy_pipeline_layout(self.layout, None);

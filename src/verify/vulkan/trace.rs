@@ -1,4 +1,4 @@
-//! Rays through a scene's acceleration structures.
+//! Traces rays through the acceleration structures of a scene.
 
 use std::cell::Cell;
 
@@ -17,10 +17,10 @@ use crate::scene::Scene;
 use crate::verify::Hit;
 use crate::verify::rays::Ray;
 
-/// Rays of one buffer: 256 MiB of them.
+/// Number of rays in one buffer, which takes 256 MiB.
 const RAYS_PER_PART: usize = 1 << 23;
 
-/// Rays in the memory of a device, for any tracer of that device.
+/// Rays in device memory, for use by any tracer of that device.
 pub struct RayBuffer<'d> {
     device: &'d Device,
     parts: Vec<Part<'d>>,
@@ -32,12 +32,12 @@ struct Part<'d> {
 }
 
 impl RayBuffer<'_> {
-    /// The number of rays.
+    /// Returns the number of rays.
     pub fn len(&self) -> usize {
         self.parts.iter().map(|p| p.count as usize).sum()
     }
 
-    /// Whether there is no ray.
+    /// Whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.parts.is_empty()
     }
@@ -47,7 +47,7 @@ impl Device {
     /// Uploads rays.
     ///
     /// # Errors
-    /// Out of memory.
+    /// Fails if memory runs out.
     pub fn upload_rays(&self, rays: &[Ray]) -> Result<RayBuffer<'_>, Error> {
         let parts = rays.chunks(RAYS_PER_PART).map(|part| upload(self, part)).collect::<Result<_, _>>()?;
         Ok(RayBuffer { device: self, parts })
@@ -70,7 +70,7 @@ fn upload<'d>(device: &'d Device, rays: &[Ray]) -> Result<Part<'d>, Error> {
     Ok(Part { rays: buffer, count: rays.len() as u64 })
 }
 
-/// The pipelines that trace, and the textures they look at, made once for all tracers of a device.
+/// The pipelines and the textures they read, created once for all tracers of a device.
 pub struct Pipelines<'d> {
     device: &'d Device,
     hits: Pipeline<'d>,
@@ -80,10 +80,10 @@ pub struct Pipelines<'d> {
 }
 
 impl<'d> Pipelines<'d> {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// A failure of the driver.
+    /// Fails if the driver does.
     pub fn new(device: &'d Device) -> Result<Pipelines<'d>, Error> {
         Ok(Pipelines {
             device,
@@ -94,32 +94,32 @@ impl<'d> Pipelines<'d> {
         })
     }
 
-    /// The device they are for.
+    /// Returns the device of the pipelines.
     pub fn device(&self) -> &'d Device {
         self.device
     }
 }
 
-/// What was hit, and how often triangles were found that may let a ray through.
+/// Hits of rays, and the number of any-hit invocations.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Traced {
-    /// For each ray its hit.
+    /// The hit of each ray.
     pub hits: Vec<Option<Hit>>,
-    /// Invocations of the any-hit shader: the triangles of alpha-tested and blended materials that traversal found.
-    /// A driver may find a triangle more than once.
+    /// Number of any-hit shader invocations, one for each triangle of an alpha-tested or blended material found in
+    /// traversal. A driver may find a triangle more than once.
     pub any_hit_invocations: u64,
 }
 
-/// The acceleration structures of a scene on a device, ready for rays.
+/// The acceleration structures of a scene on a device, ready to be traced.
 pub struct VulkanTracer<'p, 'd> {
     pipelines: &'p Pipelines<'d>,
     tlas: Tlas<'d>,
-    /// The TLAS refers to them.
+    /// Kept alive because the TLAS refers to them.
     _blases: Blases<'d>,
     alpha: AlphaTests<'d>,
     identity: Identity,
     report: BuildReport,
-    /// Invocations of the any-hit shader on behalf of a verification.
+    /// Number of any-hit shader invocations during a verification.
     pub(super) any_hits: Cell<u64>,
 }
 
@@ -127,7 +127,7 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
     /// Builds the structures of a scene that passed [`Scene::check`]. The scene is not needed afterwards.
     ///
     /// # Errors
-    /// [`Error::Limit`] before anything is built, [`Error::OutOfMemory`], or another failure of the driver.
+    /// Returns [`Error::Limit`] before anything is built, [`Error::OutOfMemory`], or another driver error.
     pub fn new(pipelines: &'p Pipelines<'d>, scene: &Scene, options: BuildOptions) -> Result<Self, Error> {
         let device = pipelines.device;
         let plan = Plan::new(scene, options.blas_per, &device.info().limits)?;
@@ -148,16 +148,16 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         Ok(VulkanTracer { pipelines, tlas, _blases: blases, alpha, identity, report, any_hits: Cell::new(0) })
     }
 
-    /// What was built.
+    /// Returns the build report.
     pub fn report(&self) -> &BuildReport {
         &self.report
     }
 
-    /// What each ray hits: first, or with `any_hit` whatever is found first. A ray that is no ray (a direction of
-    /// no length, a number that is none, `t_max` before `t_min`) hits nothing.
+    /// Returns the hit of each ray: the closest, or with `any_hit` the first one found. An invalid ray (zero direction,
+    /// NaN, or `t_max` before `t_min`) hits nothing.
     ///
     /// # Errors
-    /// Out of memory, or a failure of the driver.
+    /// Fails if memory runs out or the driver fails.
     pub fn trace(&self, rays: &RayBuffer<'_>, any_hit: bool) -> Result<Traced, Error> {
         let mut traced = Traced { hits: Vec::with_capacity(rays.len()), any_hit_invocations: 0 };
         let results = self.results(rays, size_of::<interface::Hit>() as u64)?;
@@ -173,28 +173,28 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         Ok(traced)
     }
 
-    /// Textures of alpha-tested materials that are taken for opaque, and why; in words.
+    /// Describes the textures of alpha-tested materials that are treated as opaque, and why.
     pub fn notes(&self) -> &[String] {
         &self.alpha.notes
     }
 
-    /// Milliseconds the device takes to trace all rays once. Other than [`VulkanTracer::trace`], this lets rays
-    /// through where the textures of alpha-tested materials do.
+    /// Returns the time the device takes to trace all rays once, in milliseconds. Unlike [`VulkanTracer::trace`], rays
+    /// pass through transparent texels of alpha-tested materials.
     ///
     /// # Errors
-    /// As [`VulkanTracer::trace`].
+    /// See [`VulkanTracer::trace`].
     pub fn time(&self, rays: &RayBuffer<'_>, any_hit: bool) -> Result<f64, Error> {
         let results = self.results(rays, size_of::<u32>() as u64)?;
         self.time_into(&results, rays, any_hit)
     }
 
-    /// As [`VulkanTracer::time`]; also whether each of the rays, all of one part, hit anything.
+    /// Like [`VulkanTracer::time`], but also returns whether each ray hit anything; the rays must fit in one part.
     #[cfg(test)]
     pub(super) fn timed_hits(&self, rays: &RayBuffer<'_>, any_hit: bool) -> Result<Vec<bool>, Error> {
         let results = self.results(rays, size_of::<u32>() as u64)?;
         self.time_into(&results, rays, any_hit)?;
         let mut hits = Vec::new();
-        // The sign of the distance is that of the word: hits of the any-hit shader are too few to reach it.
+        // The sign bit of the distance is that of the word: the any-hit count is too small to reach it.
         download(self.device(), &results, rays.len(), |word: &u32| hits.push(word >> 31 == 0))?;
         Ok(hits)
     }
@@ -210,12 +210,12 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         self.pipelines.timer.milliseconds()
     }
 
-    /// The device it traces on.
+    /// Returns the device of the tracer.
     pub(super) fn device(&self) -> &'d Device {
         self.pipelines.device
     }
 
-    /// Room for the results of one part at a time.
+    /// Allocates results for one part at a time.
     fn results(&self, rays: &RayBuffer<'_>, element: u64) -> Result<Buffer<'d>, Error> {
         assert!(std::ptr::eq(self.device(), rays.device), "rays and structures are on the same device");
         let most = rays.parts.iter().map(|p| p.count).max().unwrap_or(0);
@@ -246,18 +246,18 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
     }
 }
 
-/// `gl_RayFlagsTerminateOnFirstHitEXT`.
+/// Value of `gl_RayFlagsTerminateOnFirstHitEXT`.
 const TERMINATE_ON_FIRST_HIT: u32 = 4;
 
-/// From what a device calls a triangle to what the scene does.
+/// Maps the device's identification of a triangle to the scene's.
 struct Identity {
-    /// Units on the device a unit of the rays.
+    /// Device units per ray unit.
     scale: f64,
-    /// For each TLAS entry its instance in the scene and its group.
+    /// The scene instance and the group of each TLAS entry.
     entries: Vec<(u32, u32)>,
-    /// Where each group's geometries start in `first_triangles`.
+    /// Index in `first_triangles` at which the geometries of each group start.
     groups: Vec<u32>,
-    /// For each geometry of each group the number of its first triangle in its mesh.
+    /// Number, within its mesh, of the first triangle of each geometry of each group.
     first_triangles: Vec<u32>,
 }
 

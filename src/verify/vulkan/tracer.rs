@@ -1,4 +1,4 @@
-//! [`VulkanTracer`] as a verification sees it.
+//! [`VulkanTracer`] as used by a verification.
 
 use super::Error;
 use super::trace::{RayBuffer, VulkanTracer};
@@ -6,10 +6,10 @@ use crate::verify::build::Built;
 use crate::verify::rays::{Ray, RayKind};
 use crate::verify::{Hit, Pace, Tracer};
 
-/// Rays of a kind that keep a GPU busy: four a pixel of a picture of 1280 x 720.
+/// Number of rays per kind that keeps a GPU busy: four per pixel of a 1280 x 720 image.
 const BUSY: u32 = 4 * 1280 * 720;
 
-/// Rays of a kind that a software driver traces time and again within seconds, through a million triangles.
+/// Number of rays per kind that a software driver traces repeatedly within seconds, through a million triangles.
 const MANY: u32 = 4096;
 
 impl<'d> Tracer for VulkanTracer<'_, 'd> {

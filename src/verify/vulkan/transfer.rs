@@ -1,4 +1,4 @@
-//! Bytes to the device and back, in pieces that fit a staging buffer.
+//! Copies bytes to and from the device, in pieces that fit a staging buffer.
 
 use ash::vk;
 
@@ -6,10 +6,10 @@ use super::Error;
 use super::device::Device;
 use super::memory::{Buffer, Purpose};
 
-/// Bytes of a staging buffer.
+/// Size of a staging buffer, in bytes.
 const STAGING: u64 = 32 << 20;
 
-/// Collects what is to be written to buffers of the device and sends it along whenever the staging buffer is full.
+/// Collects data for buffers of the device and submits it whenever the staging buffer is full.
 pub(super) struct Uploader<'d, 'b> {
     device: &'d Device,
     staging: Buffer<'d>,
@@ -18,14 +18,14 @@ pub(super) struct Uploader<'d, 'b> {
 }
 
 impl<'d, 'b> Uploader<'d, 'b> {
-    /// An uploader for about so many bytes.
+    /// Creates an uploader for about this many bytes.
     pub(super) fn new(device: &'d Device, bytes: u64) -> Result<Self, Error> {
         let size = bytes.min(STAGING).min(device.info().limits.max_allocation);
         let staging = Buffer::new(device, "the upload buffer", size, Purpose::Upload)?;
         Ok(Uploader { device, staging, used: 0, pending: Vec::new() })
     }
 
-    /// Writes bytes to a buffer of the device, now or at the latest on [`Uploader::flush`].
+    /// Writes bytes to a buffer of the device, immediately or at the latest on [`Uploader::flush`].
     pub(super) fn write(&mut self, to: &'b Buffer<'d>, mut offset: u64, mut bytes: &[u8]) -> Result<(), Error> {
         assert!(offset + bytes.len() as u64 <= to.size, "an upload stays within its buffer");
         while !bytes.is_empty() {
@@ -42,7 +42,7 @@ impl<'d, 'b> Uploader<'d, 'b> {
         Ok(())
     }
 
-    /// Sends along what is still collected.
+    /// Submits the data still collected.
     pub(super) fn flush(&mut self) -> Result<(), Error> {
         let pending = std::mem::take(&mut self.pending);
         self.used = 0;
@@ -52,7 +52,7 @@ impl<'d, 'b> Uploader<'d, 'b> {
         self.device.submit("copying to the device", |commands| {
             for run in pending.chunk_by(|a, b| a.0.handle == b.0.handle) {
                 let copies: Vec<vk::BufferCopy> = run.iter().map(|(_, copy)| *copy).collect();
-                // SAFETY: `write` kept to both buffers' sizes; the target is one that can be copied to.
+                // SAFETY: `write` stayed within both buffers' sizes; the target can be copied to.
                 unsafe {
                     self.device.handle.cmd_copy_buffer(commands, self.staging.handle, run[0].0.handle, &copies);
                 }

@@ -1,5 +1,5 @@
-//! All BLASes of a scene, built in few batches: one barrier after each batch and none within, as a small build alone
-//! leaves most of a device idle.
+//! All BLASes of a scene, built in few batches. Barriers are only between batches, because a single small build leaves
+//! most of a device idle.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ use crate::verify::vulkan::memory::{Buffer, Packing, Purpose};
 
 const BOTTOM: vk::AccelerationStructureTypeKHR = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
 
-/// What one batch may take besides what stays; a BLAS that needs more is a batch by itself.
+/// Memory that one batch may use besides what stays; a BLAS that needs more gets a batch to itself.
 #[derive(Clone, Copy, Debug)]
 struct Budget {
     /// Scratch memory, in bytes.
@@ -31,26 +31,26 @@ struct Budget {
 
 const BUDGET: Budget = Budget { scratch: 256 << 20, structures: 512 << 20, input: 256 << 20 };
 
-/// Built BLASes.
+/// The built BLASes of a scene.
 pub(in crate::verify::vulkan) struct Blases<'d> {
     structures: Vec<Structure<'d>>,
-    /// Freed after the structures in it.
+    /// Declared after the structures, which are dropped first.
     _storage: Vec<Buffer<'d>>,
     pub(in crate::verify::vulkan) build_ms: f64,
-    /// As built.
+    /// Total size as built, in bytes.
     pub(in crate::verify::vulkan) bytes: u64,
-    /// After compaction.
+    /// Total size after compaction, in bytes.
     pub(in crate::verify::vulkan) bytes_compacted: Option<u64>,
 }
 
-/// What one BLAS takes.
+/// Memory needed by one BLAS.
 #[derive(Clone, Copy, Debug, Default)]
 struct Needs {
     sizes: Sizes,
     input: u64,
 }
 
-/// Structures and the buffers they lie in.
+/// Structures and the buffers that hold them.
 type Placed<'d> = (Vec<Structure<'d>>, Vec<Buffer<'d>>);
 
 impl<'d> Blases<'d> {
@@ -106,7 +106,7 @@ impl<'d> Blases<'d> {
         Ok(())
     }
 
-    /// The address of each BLAS.
+    /// Returns the device address of the BLAS of a group.
     pub(super) fn address(&self, group: usize) -> u64 {
         self.structures[group].address
     }
@@ -125,11 +125,11 @@ fn flags(options: &BuildOptions) -> vk::BuildAccelerationStructureFlagsKHR {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Batch {
     groups: Range<usize>,
-    /// Bytes of scratch memory for all of them.
+    /// Scratch memory for the whole batch, in bytes.
     scratch: u64,
 }
 
-/// Neighbouring BLASes whose needs together stay within the budget.
+/// Groups neighbouring BLASes so that the needs of each batch stay within the budget.
 fn batches(needs: &[Needs], budget: Budget, scratch_alignment: u64) -> Vec<Batch> {
     let mut batches: Vec<Batch> = Vec::new();
     let (mut structures, mut input) = (0, 0);
@@ -156,7 +156,7 @@ fn batches(needs: &[Needs], budget: Budget, scratch_alignment: u64) -> Vec<Batch
     batches
 }
 
-/// Scratch memory for one batch at a time.
+/// Scratch memory, used by one batch at a time.
 struct Scratch<'d> {
     buffer: Buffer<'d>,
     alignment: u64,
@@ -166,7 +166,7 @@ impl<'d> Scratch<'d> {
     fn new(device: &'d Device, size: u64) -> Result<Scratch<'d>, Error> {
         let alignment = device.info().limits.scratch_alignment;
         let what = "scratch memory of BLAS builds";
-        // A buffer itself may be less aligned than builds ask for.
+        // The address of a buffer may be less aligned than builds require.
         Ok(Scratch { buffer: Buffer::new(device, what, size + alignment, Purpose::Scratch)?, alignment })
     }
 
@@ -175,7 +175,7 @@ impl<'d> Scratch<'d> {
     }
 }
 
-/// What all batches have in common.
+/// State shared by all batches.
 struct Builder<'d, 'a> {
     device: &'d Device,
     scene: &'a Scene,
@@ -206,7 +206,7 @@ impl<'d> Builder<'d, '_> {
         }
     }
 
-    /// Makes room for structures of given sizes.
+    /// Allocates space for structures of the given sizes.
     fn place(&self, sizes: impl Iterator<Item = u64> + Clone) -> Result<Placed<'d>, Error> {
         let packing = Packing::new(sizes.clone(), ALIGNMENT, self.device.info().limits.max_allocation);
         let what = format!("{} BLASes", packing.places.len());
@@ -217,7 +217,7 @@ impl<'d> Builder<'d, '_> {
         Ok((structures.collect::<Result<_, _>>()?, storage))
     }
 
-    /// Builds a batch; returns the milliseconds it took.
+    /// Builds a batch and returns the time it took, in milliseconds.
     fn build(
         &self,
         groups: &[Group],
@@ -240,11 +240,11 @@ impl<'d> Builder<'d, '_> {
         let ranges: Vec<Vec<_>> = groups.iter().map(|g| self.ranges(g)).collect();
         let ranges: Vec<&[_]> = ranges.iter().map(Vec::as_slice).collect();
         self.device.submit(&format!("building {} BLASes", groups.len()), |commands| {
-            // What earlier batches did with the scratch memory is over: each submission is waited for.
+            // Earlier batches no longer use the scratch memory, because each submission is waited for.
             self.device.barrier(commands);
             self.timer.measure(commands, || {
-                // SAFETY: inputs, structures and scratch memory are alive until the submission is done, sized for
-                // these very descriptions, and do not overlap.
+                // SAFETY: inputs, structures and scratch memory outlive the submission, are sized for these
+                // descriptions, and do not overlap.
                 unsafe { self.device.structures.cmd_build_acceleration_structures(commands, &builds, &ranges) }
             });
         })?;
@@ -264,7 +264,7 @@ impl<'d> Builder<'d, '_> {
         self.device.submit("asking for compacted sizes", |commands| {
             queries.reset(commands);
             self.device.barrier(commands);
-            // SAFETY: the structures are built, with compaction allowed; there is one query for each.
+            // SAFETY: the structures were built with compaction allowed; there is one query per structure.
             unsafe {
                 self.device.structures.cmd_write_acceleration_structures_properties(
                     commands,
@@ -278,7 +278,7 @@ impl<'d> Builder<'d, '_> {
         queries.results()
     }
 
-    /// Copies structures to where they take no more than they need.
+    /// Copies structures into buffers of their compacted sizes.
     fn compact(&self, structures: &[Structure<'d>], sizes: Vec<u64>) -> Result<Placed<'d>, Error> {
         let placed = self.place(sizes.iter().copied())?;
         self.device.submit("compacting BLASes", |commands| {
@@ -288,7 +288,7 @@ impl<'d> Builder<'d, '_> {
                     .src(from.handle)
                     .dst(to.handle)
                     .mode(vk::CopyAccelerationStructureModeKHR::COMPACT);
-                // SAFETY: the source is built with compaction allowed, the target as large as the device asked.
+                // SAFETY: the source was built with compaction allowed; the target has the size that it asked for.
                 unsafe { self.device.structures.cmd_copy_acceleration_structure(commands, &copy) };
             }
         })?;

@@ -1,4 +1,4 @@
-//! The triangles of a batch of BLASes on their way into the build.
+//! Upload of the triangles that a batch of BLASes is built from.
 
 use std::borrow::Cow;
 
@@ -13,10 +13,10 @@ use crate::verify::vulkan::device::Device;
 use crate::verify::vulkan::memory::{Buffer, Packing, Purpose};
 use crate::verify::vulkan::transfer::Uploader;
 
-/// Vertices and indices start at multiples of so many bytes.
+/// Alignment of vertices and indices, in bytes.
 const ALIGNMENT: u64 = 16;
 
-/// Where a geometry's vertices and indices are on the device.
+/// Device addresses of a geometry's vertices and indices.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Addresses {
     positions: u64,
@@ -30,7 +30,7 @@ pub(super) struct Inputs<'d> {
 }
 
 impl<'d> Inputs<'d> {
-    /// Uploads the geometries of some groups.
+    /// Uploads the geometries of the given groups.
     pub(super) fn upload(
         device: &'d Device,
         scene: &Scene,
@@ -59,13 +59,13 @@ impl<'d> Inputs<'d> {
         Ok(Inputs { addresses: pairs.collect(), _buffers: buffers })
     }
 
-    /// The addresses of the groups' geometries, one after another.
+    /// Returns the addresses of the groups' geometries, in order.
     pub(super) fn addresses(&self) -> &[Addresses] {
         &self.addresses
     }
 }
 
-/// Bytes that [`Inputs::upload`] takes for a geometry.
+/// Returns the number of bytes that [`Inputs::upload`] needs for a geometry.
 pub(super) fn input_bytes(geometry: &Geometry) -> u64 {
     let aligned = |bytes: usize| (bytes as u64).next_multiple_of(ALIGNMENT);
     aligned(size_of_val(&geometry.positions[..])) + aligned(size_of_val(&geometry.triangles[..]))
@@ -83,7 +83,7 @@ fn triangles(geometry: &Geometry) -> Cow<'_, [u8]> {
     Cow::Borrowed(bytemuck::cast_slice(&geometry.triangles))
 }
 
-/// Describes geometries to a build; where only sizes are asked for, addresses are of no concern.
+/// Describes geometries to a build; addresses do not matter if only sizes are queried.
 pub(super) fn describe(
     geometries: &[Geometry],
     addresses: impl Iterator<Item = Addresses>,

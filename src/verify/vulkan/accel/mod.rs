@@ -1,4 +1,4 @@
-//! The acceleration structures of a scene: one BLAS a mesh group, shared by its instances, and a TLAS.
+//! The acceleration structures of a scene: one BLAS per mesh group, shared by its instances, and a TLAS.
 
 mod blas;
 mod inputs;
@@ -16,25 +16,25 @@ pub(super) use tlas::Tlas;
 pub use crate::layout::BlasPer;
 pub use crate::verify::build::{BuildOptions, Prefer};
 
-/// What was built.
+/// Sizes and build times of a scene's acceleration structures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BuildReport {
-    /// BLASes built.
+    /// Number of BLASes.
     pub blases: u64,
-    /// Instances in the TLAS.
+    /// Number of instances in the TLAS.
     pub tlas_instances: u64,
-    /// Instances of the scene left out as no ray can enter them: their transform has no inverse, or their mesh no
-    /// triangle.
+    /// Number of instances left out because no ray can enter them: their transform has no inverse, or their mesh has no
+    /// triangles.
     pub skipped_instances: u64,
-    /// Milliseconds the device took to build all BLASes, without compaction.
+    /// Time the device took to build all BLASes, without compaction, in milliseconds.
     pub blas_build_ms: f64,
-    /// Milliseconds the device took to build the TLAS.
+    /// Time the device took to build the TLAS, in milliseconds.
     pub tlas_build_ms: f64,
-    /// Bytes of all BLASes as built.
+    /// Total size of the BLASes as built, in bytes.
     pub blas_bytes: u64,
-    /// Bytes of all BLASes after compaction; `None` without.
+    /// Total size of the BLASes after compaction, in bytes; `None` without compaction.
     pub blas_bytes_compacted: Option<u64>,
-    /// Bytes of the TLAS.
+    /// Size of the TLAS, in bytes.
     pub tlas_bytes: u64,
 }
 

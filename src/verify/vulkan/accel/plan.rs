@@ -1,4 +1,4 @@
-//! Which BLASes and which TLAS entries a scene needs. Knows no device, only its limits.
+//! Plans the BLASes and TLAS entries of a scene. Does not use the device, only its limits.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use crate::scene::{Geometry, Mesh, Scene};
 use crate::verify::vulkan::Error;
 use crate::verify::vulkan::info::Limits;
 
-/// An instance's custom index has 24 bits.
+/// Number of custom indices: an instance's custom index has 24 bits.
 const CUSTOM_INDICES: u64 = 1 << 24;
 
 /// The geometries of one BLAS.
@@ -18,11 +18,11 @@ const CUSTOM_INDICES: u64 = 1 << 24;
 pub(in crate::verify::vulkan) struct Group {
     /// Index into the scene's meshes.
     pub(super) mesh: usize,
-    /// Geometries of that mesh.
+    /// Range of geometries within that mesh.
     pub(super) geometries: Range<usize>,
 }
 
-/// One instance of the TLAS; its custom index is its place in the list of entries.
+/// One instance of the TLAS; its custom index is its position in the list of entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::verify::vulkan) struct Entry {
     /// Index into the scene's instances.
@@ -31,23 +31,23 @@ pub(in crate::verify::vulkan) struct Entry {
     pub(in crate::verify::vulkan) group: u32,
 }
 
-/// What to build for a scene.
+/// The BLASes and TLAS entries to build for a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::verify::vulkan) struct Plan {
     pub(in crate::verify::vulkan) scales: Scales,
     pub(super) groups: Vec<Group>,
     pub(in crate::verify::vulkan) entries: Vec<Entry>,
-    /// Instances that no ray can enter.
+    /// Number of instances that no ray can enter.
     pub(in crate::verify::vulkan) skipped_instances: u64,
 }
 
 impl Group {
-    /// The geometries themselves.
+    /// Returns the geometries of the group.
     pub(super) fn geometries<'a>(&self, scene: &'a Scene) -> &'a [Geometry] {
         &scene.meshes[self.mesh].geometries[self.geometries.clone()]
     }
 
-    /// For errors.
+    /// Returns a name for error messages.
     pub(super) fn name(&self, scene: &Scene) -> String {
         let mesh = &scene.meshes[self.mesh];
         match self.geometries.len() == mesh.geometries.len() {
@@ -58,7 +58,7 @@ impl Group {
 }
 
 impl Plan {
-    /// Plans BLASes and entries, and holds them against the limits.
+    /// Plans BLASes and entries, and checks them against the limits.
     pub(in crate::verify::vulkan) fn new(scene: &Scene, per: BlasPer, limits: &Limits) -> Result<Plan, Error> {
         let mut plan =
             Plan { scales: Scales::of(scene), groups: Vec::new(), entries: Vec::new(), skipped_instances: 0 };
@@ -81,7 +81,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// World from mesh of an entry, both as they are on the device.
+    /// Returns the world-from-mesh transform of an entry, both spaces scaled as on the device.
     pub(super) fn transform(&self, scene: &Scene, entry: &Entry) -> DAffine3 {
         let instance = &scene.instances[entry.instance as usize];
         self.scales.transform(&instance.transform, instance.mesh.0 as usize)
@@ -100,19 +100,19 @@ impl Plan {
         Ok(())
     }
 
-    /// The geometries of all groups, one after another.
+    /// Returns the geometries of all groups, in order.
     pub(in crate::verify::vulkan) fn geometries<'s>(&self, scene: &'s Scene) -> impl Iterator<Item = &'s Geometry> {
         self.groups.iter().flat_map(|group| group.geometries(scene))
     }
 
-    /// For each entry the place of its first geometry among [`Plan::geometries`].
+    /// Returns, for each entry, the index of its first geometry in [`Plan::geometries`].
     pub(in crate::verify::vulkan) fn first_geometries(&self, scene: &Scene) -> Vec<u32> {
         let (_, starts) = self.first_triangles(scene);
         self.entries.iter().map(|entry| starts[entry.group as usize]).collect()
     }
 
-    /// For each geometry of each group the number of its first triangle in its mesh, and for each group where its
-    /// geometries start in that list.
+    /// Returns the number, within its mesh, of the first triangle of each geometry of each group, and the index in that
+    /// list at which the geometries of each group start.
     pub(in crate::verify::vulkan) fn first_triangles(&self, scene: &Scene) -> (Vec<u32>, Vec<u32>) {
         let (mut triangles, mut starts) = (Vec::new(), Vec::with_capacity(self.groups.len()));
         for group in &self.groups {
@@ -123,7 +123,7 @@ impl Plan {
     }
 }
 
-/// The geometries that go into one BLAS each; none without triangles.
+/// Returns the ranges of geometries that become one BLAS each; ranges without triangles are omitted.
 fn split(mesh: &Mesh, per: BlasPer) -> Vec<Range<usize>> {
     let all = 0..mesh.geometries.len();
     match per {
@@ -133,13 +133,13 @@ fn split(mesh: &Mesh, per: BlasPer) -> Vec<Range<usize>> {
     }
 }
 
-/// Whether a device, which inverts the transform in single precision, can take rays into the instance.
+/// Whether rays can enter the instance on a device, which inverts the transform in single precision.
 fn can_be_entered(transform: &DAffine3) -> bool {
     let stored = DAffine3::from_cols_array(&transform.to_cols_array().map(|x| f64::from(x as f32)));
     let invertible = |t: &DAffine3| {
         t.matrix3.determinant() != 0.0 && t.inverse().to_cols_array().iter().all(|x| (*x as f32).is_finite())
     };
-    // What single precision turns inside out was flat.
+    // If rounding to single precision flips the orientation, the instance was flat.
     let same_side = (stored.matrix3.determinant() < 0.0) == (transform.matrix3.determinant() < 0.0);
     stored.is_finite() && invertible(transform) && invertible(&stored) && same_side
 }

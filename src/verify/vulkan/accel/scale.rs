@@ -1,28 +1,28 @@
-//! Very large and very small scenes, brought within the range of single precision.
+//! Scales very large and very small scenes into the range of single precision.
 //!
-//! Devices multiply coordinates with each other, so that a sound scene of 1e25 or 1e-25 units overflows or vanishes.
-//! World and meshes whose largest coordinate lies outside of 1e-6 to 1e6 are therefore scaled by a power of two, which
-//! changes no digit; all others go to the device as they are.
+//! Devices multiply coordinates with each other, so a valid scene of 1e25 or 1e-25 units overflows or underflows. If
+//! the largest coordinate of the world or of a mesh lies outside 1e-6 to 1e6, it is scaled by a power of two, which is
+//! exact; all others are passed to the device unchanged.
 
 use glam::{DAffine3, DMat3};
 use rayon::prelude::*;
 
 use crate::scene::{Bounds, Mesh, Scene};
 
-/// Largest coordinates that devices are trusted with.
+/// Range of the largest coordinate for which no scaling is needed.
 const TRUSTED: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
 /// Powers of two by which a scene is scaled on the device.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::verify::vulkan) struct Scales {
-    /// Units on the device a unit of the world.
+    /// Device units per world unit.
     pub(in crate::verify::vulkan) world: f64,
-    /// For each mesh, units on the device a unit of the mesh.
+    /// Device units per mesh unit, for each mesh.
     pub(super) meshes: Vec<f64>,
 }
 
 impl Scales {
-    /// The scales for a scene.
+    /// Computes the scales of a scene.
     pub(super) fn of(scene: &Scene) -> Scales {
         let bounds: Vec<Bounds> = scene.meshes.par_iter().map(Mesh::bounds).collect();
         let placed = scene.instances.iter().map(|i| bounds[i.mesh.0 as usize].transformed(&i.transform));
@@ -32,7 +32,7 @@ impl Scales {
         }
     }
 
-    /// World from mesh, both as they are on the device.
+    /// Returns the world-from-mesh transform, both spaces scaled as on the device.
     pub(super) fn transform(&self, transform: &DAffine3, mesh: usize) -> DAffine3 {
         let m = transform.matrix3;
         let by = self.world / self.meshes[mesh];
@@ -47,8 +47,8 @@ fn largest_coordinate(bounds: &Bounds) -> f64 {
     if bounds.is_empty() { 0.0 } else { bounds.min.abs().max(bounds.max.abs()).max_element() }
 }
 
-/// The power of two that brings a largest coordinate near 1, or 1 where there is no need; within what single
-/// precision can hold.
+/// Returns the power of two, within the range of single precision, that brings a largest coordinate near 1, or 1 if no
+/// scaling is needed.
 fn scale(largest: f64) -> f64 {
     if largest == 0.0 || TRUSTED.contains(&largest) {
         return 1.0;

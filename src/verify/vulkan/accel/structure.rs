@@ -1,4 +1,4 @@
-//! One acceleration structure, of either level.
+//! One acceleration structure, bottom-level or top-level.
 
 use ash::vk;
 
@@ -6,28 +6,28 @@ use crate::verify::vulkan::Error;
 use crate::verify::vulkan::device::Device;
 use crate::verify::vulkan::memory::Buffer;
 
-/// Structures start at multiples of so many bytes within a buffer.
+/// Alignment of structures within a buffer, in bytes.
 pub(super) const ALIGNMENT: u64 = 256;
 
 /// An acceleration structure in a buffer that its owner keeps alive.
 pub(super) struct Structure<'d> {
     device: &'d Device,
     pub(super) handle: vk::AccelerationStructureKHR,
-    /// Where instances, or shaders, find it.
+    /// Device address of the structure.
     pub(super) address: u64,
 }
 
-/// Bytes a structure needs.
+/// Memory needs of a structure, in bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sizes {
-    /// For itself.
+    /// Size of the structure itself.
     pub(super) structure: u64,
-    /// While it is built.
+    /// Size of the scratch memory for its build.
     pub(super) scratch: u64,
 }
 
 impl<'d> Structure<'d> {
-    /// A structure yet to be built, `size` bytes from `offset` in a buffer for structures.
+    /// Creates an unbuilt structure of `size` bytes at `offset` in a buffer for structures.
     pub(super) fn new(
         device: &'d Device,
         what: &str,
@@ -50,12 +50,12 @@ impl<'d> Structure<'d> {
 
 impl Drop for Structure<'_> {
     fn drop(&mut self) {
-        // SAFETY: submissions are waited for, so that none uses the structure.
+        // SAFETY: all submissions are waited for, so none still uses the structure.
         unsafe { self.device.structures.destroy_acceleration_structure(self.handle, None) }
     }
 }
 
-/// What a build of these geometries, with so many primitives each, will need.
+/// Queries the sizes needed to build these geometries with these primitive counts.
 pub(super) fn sizes(
     device: &Device,
     build: &vk::AccelerationStructureBuildGeometryInfoKHR<'_>,

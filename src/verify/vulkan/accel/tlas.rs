@@ -15,29 +15,29 @@ use crate::verify::vulkan::transfer::Uploader;
 
 const TOP: vk::AccelerationStructureTypeKHR = vk::AccelerationStructureTypeKHR::TOP_LEVEL;
 
-/// Instances written to the device at a time.
+/// Number of instances written to the device at a time.
 const CHUNK: usize = 1 << 16;
 
 /// A built TLAS.
 pub(in crate::verify::vulkan) struct Tlas<'d> {
     structure: Structure<'d>,
-    /// Freed after the structure in it.
+    /// Declared after the structure, which is dropped first.
     _storage: Buffer<'d>,
     pub(in crate::verify::vulkan) build_ms: f64,
     pub(in crate::verify::vulkan) bytes: u64,
 }
 
-/// `VkAccelerationStructureInstanceKHR`.
+/// Mirrors `VkAccelerationStructureInstanceKHR`.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Record {
-    /// World from mesh, by rows.
+    /// World-from-mesh transform, row by row.
     transform: [[f32; 4]; 3],
     /// Custom index in the lower 24 bits, mask in the upper 8.
     index_and_mask: u32,
-    /// Offset into the table of hit shaders in the lower 24 bits, flags in the upper 8. There is no flag to set:
-    /// Vulkan, like glTF, decides in the coordinates of the mesh which side is the front, and in right-handed ones
-    /// its front is glTF's, so that a mirroring instance turns the front along in both.
+    /// Offset into the shader binding table in the lower 24 bits, flags in the upper 8. No flag is needed: like glTF,
+    /// Vulkan determines the front side in mesh coordinates, and in right-handed ones both agree on it, so a mirroring
+    /// instance flips the front in both.
     table_offset_and_flags: u32,
     blas: u64,
 }
@@ -45,7 +45,7 @@ struct Record {
 const _: () = assert!(size_of::<Record>() == size_of::<vk::AccelerationStructureInstanceKHR>());
 
 impl<'d> Tlas<'d> {
-    /// Builds the TLAS of a plan over its BLASes; over nothing, it is a TLAS that no ray hits.
+    /// Builds the TLAS of a plan over its BLASes; without entries, no ray hits the TLAS.
     pub(in crate::verify::vulkan) fn build(
         device: &'d Device,
         scene: &Scene,
@@ -75,8 +75,8 @@ impl<'d> Tlas<'d> {
         device.submit(&format!("building {what}"), |commands| {
             device.barrier(commands);
             timer.measure(commands, || {
-                // SAFETY: instances, structure and scratch memory are alive until the submission is done and sized
-                // for this very description; the instances refer to built BLASes.
+                // SAFETY: instances, structure and scratch memory outlive the submission and are sized for this
+                // description; the instances refer to built BLASes.
                 unsafe { device.structures.cmd_build_acceleration_structures(commands, &[build], &[&range]) }
             });
         })?;
@@ -84,7 +84,7 @@ impl<'d> Tlas<'d> {
         Ok(Tlas { structure, _storage: storage, build_ms, bytes: sizes.structure })
     }
 
-    /// Where shaders find it.
+    /// Returns the device address of the TLAS.
     pub(in crate::verify::vulkan) fn address(&self) -> u64 {
         self.structure.address
     }

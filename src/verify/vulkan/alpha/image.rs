@@ -1,32 +1,32 @@
-//! The alpha of an image.
+//! Decodes the alpha channel of an image.
 
 use std::io::Cursor;
 
 use png::{ColorType, Decoder, InterlaceInfo, Limits, Transformations};
 
-/// Texels of a side that an image may have.
+/// Largest width or height of an image, in texels.
 const MAX_SIDE: u32 = 16_384;
-/// Bytes that decoding an image may take besides its alpha.
+/// Memory that decoding an image may use besides its alpha, in bytes.
 const MAX_BYTES: usize = 64 << 20;
 
-/// The alpha of an image, 0 to 255 a texel, by rows from the top.
+/// The alpha channel of an image, one value from 0 to 255 per texel, in rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::verify::vulkan) struct Alpha {
-    /// At least 1 each.
+    /// Width and height, at least 1 each.
     pub(in crate::verify::vulkan) size: [u32; 2],
     pub(in crate::verify::vulkan) texels: Vec<u8>,
 }
 
 impl Alpha {
-    /// Of an image without alpha: one texel says it all.
+    /// Returns the alpha of an image without an alpha channel: a single opaque texel.
     fn opaque() -> Alpha {
         Alpha { size: [1, 1], texels: vec![255] }
     }
 
-    /// Decodes a PNG or JPEG image. JPEG has no alpha, so that nothing of it needs to be decoded.
+    /// Decodes a PNG or JPEG image. JPEG has no alpha, so no JPEG data is decoded.
     ///
     /// # Errors
-    /// Why the image cannot be decoded, in words.
+    /// Describes why the image cannot be decoded.
     pub(in crate::verify::vulkan) fn decode(bytes: &[u8]) -> Result<Alpha, String> {
         match () {
             () if bytes.starts_with(b"\x89PNG\r\n\x1A\n") => decode_png(bytes),
@@ -36,7 +36,7 @@ impl Alpha {
     }
 }
 
-/// Decodes row by row, so that colours are never all in memory.
+/// Decodes row by row, so that the colours are never all in memory at once.
 fn decode_png(bytes: &[u8]) -> Result<Alpha, String> {
     let failed = |e: png::DecodingError| e.to_string();
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: MAX_BYTES });
@@ -118,14 +118,14 @@ mod tests {
         let sound = encoded(ColorType::Rgba, [64, 64], &(0..64 * 64 * 4).map(|i| i as u8).collect::<Vec<_>>(), |_| ());
         assert!(!reason(&sound[..sound.len() / 2]).is_empty());
         let mut huge = encoded(ColorType::Rgba, [1, 1], &[0; 4], |_| ());
-        // The width in the header, and the header's checksum.
+        // The header holds the width and a checksum.
         huge[16..20].copy_from_slice(&16_385_u32.to_be_bytes());
         let checksum = crc(&huge[12..29]);
         huge[29..33].copy_from_slice(&checksum.to_be_bytes());
         assert_eq!(reason(&huge), "16385 x 1 texels are more than 16384 a side");
     }
 
-    /// The checksum of a chunk (W3C, "Portable Network Graphics Specification", 2003, annex D).
+    /// Computes the checksum of a chunk (W3C, "Portable Network Graphics Specification", 2003, annex D).
     fn crc(bytes: &[u8]) -> u32 {
         let step = |crc: u32, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
         !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step))

@@ -1,5 +1,5 @@
-//! What the any-hit shader of the timed rays looks at: for each geometry of an alpha-tested material its texture, its
-//! texture coordinates and its cutoff.
+//! Inputs of the any-hit shader of timed rays: the texture, texture coordinates and cutoff of each geometry with an
+//! alpha-tested material.
 
 mod image;
 mod textures;
@@ -15,20 +15,20 @@ use crate::scene::{AlphaTest, AlphaTexture, Geometry, Scene, Wrap};
 pub(super) use textures::Textures;
 use textures::{Found, Texture};
 
-/// Triangles and texture coordinates start at multiples of so many bytes.
+/// Alignment of triangles and texture coordinates, in bytes.
 const ALIGNMENT: u64 = 16;
-/// Images that a note names.
+/// Number of images named in a note.
 const NAMED: usize = 3;
 
 /// The alpha tests of a scene on a device.
 #[derive(Default)]
 pub(super) struct AlphaTests<'d> {
     _buffers: Vec<Buffer<'d>>,
-    /// Where the list of geometries is; 0 where nothing is tested.
+    /// Address of the list of geometries; 0 if nothing is tested.
     pub(super) geometries: u64,
-    /// Where the list is that has for each TLAS entry its first geometry.
+    /// Address of the list of the first geometry of each TLAS entry.
     pub(super) first_geometries: u64,
-    /// Images that could not be had.
+    /// Notes on images that could not be loaded.
     pub(super) notes: Vec<String>,
 }
 
@@ -61,7 +61,7 @@ impl<'d> AlphaTests<'d> {
     }
 }
 
-/// The test of a geometry; arrays it needs are added to `arrays`, and stand in it as their number from 1 on.
+/// Returns the test of a geometry; arrays it needs are appended to `arrays` and referred to by their position, from 1.
 fn test<'s>(geometry: &'s Geometry, found: &[Found], arrays: &mut Vec<&'s [u8]>) -> AlphaGeometry {
     let Some(AlphaTest { cutoff, factor, texture }) = &geometry.alpha else { return AlphaGeometry::ACCEPT };
     let Some(AlphaTexture { image, wrap, texcoords }) = texture else {
@@ -89,7 +89,7 @@ fn mode(wrap: Wrap) -> u32 {
     }
 }
 
-/// Uploads arrays one after another; the address of each.
+/// Uploads arrays in order and returns the address of each.
 fn upload<'d>(device: &'d Device, what: &str, arrays: &[&[u8]]) -> Result<(Vec<Buffer<'d>>, Vec<u64>), Error> {
     let sizes = arrays.iter().map(|a| a.len() as u64);
     let packing = Packing::new(sizes, ALIGNMENT, device.info().limits.max_allocation);
@@ -104,7 +104,7 @@ fn upload<'d>(device: &'d Device, what: &str, arrays: &[&[u8]]) -> Result<(Vec<B
     Ok((buffers, addresses))
 }
 
-/// One note on all images that could not be had.
+/// Returns one note covering all images that could not be loaded.
 fn notes(scene: &Scene, found: &[Found]) -> Vec<String> {
     let missing: Vec<String> = (scene.images.iter().zip(found))
         .filter_map(|(image, found)| Some(format!("{}: {}", image.name, found.as_ref().err()?)))

@@ -1,4 +1,4 @@
-//! The alpha of images on a device, each there once for all tracers.
+//! Alpha textures on a device, each stored once and shared by all tracers.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -13,21 +13,21 @@ use crate::verify::vulkan::device::Device;
 use crate::verify::vulkan::memory::{Buffer, Packing, Purpose};
 use crate::verify::vulkan::transfer::Uploader;
 
-/// Textures start at multiples of so many bytes.
+/// Alignment of textures, in bytes.
 const ALIGNMENT: u64 = 16;
 
-/// An image's alpha on the device.
+/// The alpha of an image on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Texture {
-    /// One byte a texel, rows from the top.
+    /// Address of the texels: one byte each, in rows from the top.
     pub(super) address: u64,
     pub(super) size: [u32; 2],
 }
 
-/// A texture, or why there is none.
+/// A texture, or the reason why it is missing.
 pub(super) type Found = Result<Texture, String>;
 
-/// All textures, by their encoded bytes.
+/// All textures, keyed by their encoded bytes.
 pub(in crate::verify::vulkan) struct Textures<'d> {
     device: &'d Device,
     known: RefCell<Known<'d>>,
@@ -44,7 +44,7 @@ impl<'d> Textures<'d> {
         Textures { device, known: RefCell::default() }
     }
 
-    /// The textures of images; those not known yet are decoded, few at a time.
+    /// Returns the textures of images; new images are decoded a few at a time.
     pub(super) fn of(&self, images: &[Image]) -> Result<Vec<Found>, Error> {
         let mut all = Vec::with_capacity(images.len());
         for images in images.chunks(rayon::current_num_threads()) {
@@ -73,7 +73,7 @@ impl<'d> Textures<'d> {
     }
 }
 
-/// Uploads what could be decoded; the address of each.
+/// Uploads the decoded images and returns the address of each.
 fn upload<'d>(device: &'d Device, decoded: &[Result<Alpha, String>]) -> Result<(Vec<u64>, Vec<Buffer<'d>>), Error> {
     let sound: Vec<&Alpha> = decoded.iter().flatten().collect();
     let packing = Packing::new(sound.iter().map(|a| padded(a)), ALIGNMENT, device.info().limits.max_allocation);
@@ -90,7 +90,7 @@ fn upload<'d>(device: &'d Device, decoded: &[Result<Alpha, String>]) -> Result<(
     Ok((addresses, buffers))
 }
 
-/// Shaders read whole words.
+/// Returns the size of a texture rounded up to whole words, which shaders read.
 fn padded(alpha: &Alpha) -> u64 {
     (alpha.texels.len() as u64).next_multiple_of(4)
 }

@@ -1,4 +1,4 @@
-//! The committed SPIR-V against its sources and against the structures of the host.
+//! Checks the committed SPIR-V against its sources and against the host's structures.
 
 use std::collections::BTreeMap;
 use std::mem::offset_of;
@@ -7,7 +7,7 @@ use std::process::Command;
 
 use super::{AlphaGeometry, Hit, Ray, Work};
 
-/// The compiler that made the committed files, as `glslangValidator --version` calls it.
+/// Version of the compiler that made the committed files, as printed by `glslangValidator --version`.
 const COMPILER: &str = "Glslang Version: 11:12.0.0";
 
 fn shaders() -> PathBuf {
@@ -25,11 +25,11 @@ fn compiled_in(folder: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// What a member of a structure is, in a module: (structure, member) to offset.
+/// Maps (structure, member) to its offset in a module.
 type Offsets = BTreeMap<(String, String), u32>;
 
-/// The offsets a SPIR-V module decorates members with, by name (J. Kessenich, B. Ouriel, R. Krisch, "SPIR-V
-/// Specification", 2.3 and 3.49: a header of five words, then instructions that tell their length).
+/// Returns the member offsets that a SPIR-V module declares, by name (J. Kessenich, B. Ouriel, R. Krisch, "SPIR-V
+/// Specification", 2.3 and 3.49: a header of five words, then instructions that state their length).
 fn offsets(module: &[u8]) -> Offsets {
     const OP_NAME: u32 = 5;
     const OP_MEMBER_NAME: u32 = 6;
@@ -61,7 +61,7 @@ fn text(words: &[u32]) -> String {
     String::from_utf8(bytes).expect("names are UTF-8")
 }
 
-/// The members of a structure in one module, with their offsets.
+/// Returns the members of a structure in one module, with their offsets.
 fn members(of: &str, all: &Offsets) -> Vec<(String, usize)> {
     let mut members: Vec<(String, usize)> =
         all.iter().filter(|((s, _), _)| s == of).map(|((_, m), o)| (m.clone(), *o as usize)).collect();
@@ -130,7 +130,7 @@ fn offsets_agree_with_the_shaders() {
     );
 }
 
-/// Distances between elements of the arrays in a module.
+/// Returns the array strides in a module.
 fn strides(module: &str) -> Vec<usize> {
     const OP_DECORATE: u32 = 71;
     const ARRAY_STRIDE: u32 = 6;
@@ -158,7 +158,7 @@ fn arrays_have_the_hosts_strides() {
     assert_eq!(strides("timing.rgen.spv"), [words, words, alpha[0], alpha[1], alpha[2]]);
 }
 
-/// Another version of the compiler may write other words for the same source: then only the interface is compared.
+/// Another compiler version may emit different words for the same source; then only the interface is compared.
 #[test]
 fn the_committed_spirv_is_what_the_sources_give() {
     let version = Command::new("glslangValidator").arg("--version").output().expect("glslang-tools are installed");

@@ -1,4 +1,4 @@
-//! Alpha-tested geometries: rays that are timed pass where textures let them, rays that are compared never do.
+//! Alpha-tested geometries: timed rays pass through transparent texels, compared rays never do.
 
 use glam::{DAffine3, DVec3};
 use raykiln_formats::alpha::Image;
@@ -7,7 +7,7 @@ use super::scenes::{geometry, mesh, scene};
 use super::*;
 use crate::scene::{AlphaTest, AlphaTexture, Geometry, Opacity, Wrap};
 
-/// An RGBA image of which the texels' alpha is given by rows from the top.
+/// Returns an RGBA image with the given alpha values, in rows from the top.
 fn image(width: u32, alpha: &[u8]) -> Image {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, alpha.len() as u32 / width);
@@ -17,7 +17,7 @@ fn image(width: u32, alpha: &[u8]) -> Image {
     Image::from_bytes("leaf".into(), bytes.into())
 }
 
-/// A square of 1 x 1 in the plane z = 0 with the texture's `from` at its lower left corner and `to` at its upper
+/// A square of 1 x 1 in the plane z = 0, with texture coordinate `from` at its lower left corner and `to` at its upper
 /// right one.
 fn card(from: [f32; 2], to: [f32; 2], wrap: Wrap) -> Geometry {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -34,7 +34,7 @@ fn shown(geometries: Vec<Geometry>, image: Image) -> Scene {
     Scene { images: vec![image], ..scene(vec![mesh(geometries)], [(0, DAffine3::IDENTITY)]) }
 }
 
-/// Rays down on the middles of the cells of a square of 1 x 1 cut into `n` x `n`, by rows from the top.
+/// Rays down onto the cell centres of a square of 1 x 1 divided into `n` x `n` cells, in rows from the top.
 fn grid(n: u32, x: f32) -> Vec<Ray> {
     let middle = |i: u32| (i as f32 + 0.5) / n as f32;
     let down = |i: u32| Ray {
@@ -46,7 +46,7 @@ fn grid(n: u32, x: f32) -> Vec<Ray> {
     (0..n * n).map(down).collect()
 }
 
-/// Which of the rays hit while they are timed, as rows of `#` and `.`; all must hit when they are compared.
+/// Draws which timed rays hit, as rows of `#` and `.`; all must hit when they are compared.
 fn picture(device: &Device, scene: &Scene, n: u32, blas_per: BlasPer) -> Vec<String> {
     scene.check().expect("a sound scene");
     let pipelines = Pipelines::new(device).expect("made");
@@ -60,7 +60,7 @@ fn picture(device: &Device, scene: &Scene, n: u32, blas_per: BlasPer) -> Vec<Str
     hits.chunks(n as usize).map(row).collect()
 }
 
-/// 2 x 2 texels: the upper left and the lower right one opaque.
+/// An image of 2 x 2 texels, opaque at the upper left and the lower right.
 fn leaf() -> Image {
     image(2, &[255, 0, 0, 255])
 }
@@ -129,7 +129,7 @@ fn each_geometry_is_tested_with_its_own_texture_however_blases_are_cut() {
     on_device(|device| {
         for per in [BlasPer::Mesh, BlasPer::Primitive] {
             let of = |geometries| picture(device, &shown(geometries, leaf()), 2, per);
-            // All of the second card shows the lower left texel, which is transparent.
+            // The whole second card shows the lower left texel, which is transparent.
             assert_eq!(of(vec![left.clone(), behind(top.clone(), -1.0)]), ["#.", ".#"]);
             assert_eq!(of(vec![top.clone(), behind(left.clone(), -1.0)]), ["#.", ".#"]);
             assert_eq!(of(vec![top.clone(), behind(blended.clone(), -1.0)]), ["##", "##"]);

@@ -1,22 +1,22 @@
-//! What rays hit, found by trying every triangle in double precision.
+//! Finds hits by testing every triangle in double precision.
 
 use glam::DVec3;
 
 use super::*;
 use crate::scene::TriangleRef;
 
-/// Barycentric coordinates closer to an edge than this, and hits closer to each other, leave single precision a choice.
+/// Distance from an edge (barycentric) or between hits below which single precision is ambiguous.
 const DOUBTFUL: f64 = 1e-4;
 
 struct Crossing {
     t: f64,
     at: TriangleRef,
     front: bool,
-    /// Least barycentric coordinate.
+    /// Smallest barycentric coordinate.
     inside: f64,
 }
 
-/// Compares hits with the truth; returns how many rays hit something and how many were in doubt.
+/// Compares hits with the truth; returns how many rays hit something and how many were ambiguous.
 pub(super) fn assert_closest(scene: &Scene, rays: &[Ray], hits: &[Option<Hit>]) -> (usize, usize) {
     assert_eq!(rays.len(), hits.len());
     let triangles: Vec<(TriangleRef, [DVec3; 3])> = placed(scene);
@@ -45,7 +45,7 @@ pub(super) fn assert_closest(scene: &Scene, rays: &[Ray], hits: &[Option<Hit>]) 
     (hit_count, doubtful)
 }
 
-/// All placed triangles of instances that are not flat.
+/// Returns the triangles, in world space, of all instances that are not flat.
 fn placed(scene: &Scene) -> Vec<(TriangleRef, [DVec3; 3])> {
     let mut all = Vec::new();
     for (instance, placed) in (0..).zip(&scene.instances) {
@@ -58,8 +58,8 @@ fn placed(scene: &Scene) -> Vec<(TriangleRef, [DVec3; 3])> {
     all
 }
 
-/// T. Möller, B. Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997, without culling and slightly
-/// generous at the edges.
+/// Intersects a ray with a triangle (T. Möller, B. Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997),
+/// without culling and with a small tolerance at the edges.
 fn cross(ray: &Ray, at: TriangleRef, [a, b, c]: &[DVec3; 3]) -> Option<Crossing> {
     let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
     let (e1, e2) = (b - a, c - a);

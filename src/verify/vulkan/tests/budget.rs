@@ -1,4 +1,4 @@
-//! Devices with too little memory for both layouts, for one, for anything.
+//! Devices with memory for only one layout at a time, or for none.
 
 use glam::DAffine3;
 
@@ -11,7 +11,7 @@ fn options() -> VerifyOptions {
     VerifyOptions { rays_per_kind: 1024, repeats: 2, ..VerifyOptions::default() }
 }
 
-/// What a machine with so much device memory finds, and the most that it used of it at a time.
+/// Returns the verification with a limit on device memory, and the peak use.
 fn found(device_memory: Option<u64>, named: bool, after: &Scene, options: &VerifyOptions) -> (Verification, u64) {
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
     let vulkan = Vulkan::load(Options { validation: true, device_memory }).expect("tests/install_vulkan.sh was run");
@@ -24,7 +24,7 @@ fn found(device_memory: Option<u64>, named: bool, after: &Scene, options: &Verif
     (found, peak)
 }
 
-/// What does not depend on the clock.
+/// Returns the results that do not depend on the clock.
 fn seen(found: &Verification) -> impl PartialEq + std::fmt::Debug + use<> {
     let built = found.structures.expect("a device was used");
     let errors = [found.max_relative_distance_error, found.before_max_relative_distance_error];

@@ -1,4 +1,4 @@
-//! What builds report.
+//! Build reports.
 
 use glam::{DAffine3, DVec3};
 
@@ -49,7 +49,7 @@ fn of_10_000_blases_each_is_itself() {
     };
     let rays: Vec<Ray> = (0..10_000).map(aimed).collect();
     on_unchecked_device(|device| {
-        // Storage in many buffers.
+        // Forces the storage into many buffers.
         device.limits_mut().max_allocation = 4 << 20;
         let hits = closest(device, &scene, &rays, BuildOptions::default());
         let hit = (0..).zip(&hits).filter(|(i, h)| h.is_some_and(|h| h.instance == *i && h.front)).count();

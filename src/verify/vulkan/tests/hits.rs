@@ -1,4 +1,4 @@
-//! What rays hit.
+//! Hits of traced rays.
 
 use glam::{DAffine3, DVec3, Vec3};
 
@@ -10,7 +10,7 @@ use crate::scene::Opacity;
 const PLAIN: BuildOptions =
     BuildOptions { prefer: Prefer::FastTrace, allow_update: false, compact: true, blas_per: BlasPer::Mesh };
 
-/// A square of two triangles in the plane z = 0, its front towards +z.
+/// A square of two triangles in the plane z = 0 that faces +z.
 fn square() -> crate::scene::Geometry {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
     geometry(&corners, &[[0, 1, 2], [0, 2, 3]])
@@ -120,7 +120,7 @@ fn of_20_000_instances_each_is_itself() {
     });
 }
 
-/// Coordinates whose products single precision cannot hold, in the world, in meshes, or in both.
+/// Coordinates whose products overflow single precision, in the world, in meshes, or in both.
 #[test]
 fn very_large_and_very_small_scenes_are_hit_like_any_other() {
     let plain = scene(vec![mesh(vec![soup(60, Opacity::Opaque, 5)])], [(0, DAffine3::IDENTITY)]);
@@ -159,7 +159,7 @@ fn a_scene_of_nothing_is_never_hit() {
 #[test]
 fn any_number_of_rays_is_traced() {
     on_device(|device| {
-        // More than one launch, the last of them short.
+        // Forces more than one launch, the last of them partial.
         device.limits_mut().rays_per_launch = 16;
         let (scene, all) = (mixed(), rays(100, 2.0));
         let expected = closest(device, &scene, &all, PLAIN);

@@ -1,4 +1,4 @@
-//! Memory of the device.
+//! Device memory accounting.
 
 use super::super::memory::{Buffer, Purpose};
 use super::super::transfer::{Uploader, download};

@@ -1,4 +1,4 @@
-//! On a device, with the validation layer listening: without a device, or with a message, the tests fail.
+//! Tests on a device with the validation layer: they fail without a device or if the layer reports anything.
 
 mod alpha;
 mod brute_force;
@@ -17,15 +17,15 @@ use crate::scene::Scene;
 use crate::verify::Hit;
 use crate::verify::rays::Ray;
 
-/// Drivers are not asked to serve several devices at once.
+/// Drivers are not required to support several devices at once.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// Runs a test on a device of its own, and has every call checked.
+/// Runs a test on its own device, with every call checked.
 fn on_device(test: impl FnOnce(&mut Device)) {
     on_device_with(Options { validation: true, ..Options::default() }, test);
 }
 
-/// Runs a test that would keep the validation layer busy for minutes, or that does what the layer is against.
+/// Runs a test that would take minutes with the validation layer, or that deliberately breaks its rules.
 fn on_unchecked_device(test: impl FnOnce(&mut Device)) {
     on_device_with(Options::default(), test);
 }
@@ -35,12 +35,12 @@ fn on_device_with(options: Options, test: impl FnOnce(&mut Device)) {
     let vulkan = Vulkan::load(options).expect("tests/install_vulkan.sh was run");
     let mut device = vulkan.open(&Wanted::Auto).expect("tests/install_vulkan.sh installs a driver");
     test(&mut device);
-    // What was not freed is told when the device goes.
+    // The layer reports leaked objects when the device is destroyed.
     drop(device);
     assert_eq!(vulkan.take_validation_messages(), Vec::<String>::new());
 }
 
-/// What rays hit first in a scene.
+/// Returns the closest hits of rays in a scene.
 fn closest(device: &Device, scene: &Scene, rays: &[Ray], options: BuildOptions) -> Vec<Option<Hit>> {
     scene.check().expect("a sound scene");
     let pipelines = Pipelines::new(device).expect("pipelines are made");
@@ -55,7 +55,7 @@ fn the_validation_layer_is_heard() {
     let vulkan =
         Vulkan::load(Options { validation: true, ..Options::default() }).expect("tests/install_vulkan.sh was run");
     let device = vulkan.open(&Wanted::Auto).expect("tests/install_vulkan.sh installs a driver");
-    // A pool of no queries is against the rules.
+    // A query pool without queries is invalid.
     drop(super::commands::Queries::new(&device, ash::vk::QueryType::TIMESTAMP, 0));
     drop(device);
     assert!(!vulkan.take_validation_messages().is_empty());

@@ -1,11 +1,11 @@
-//! Small scenes and rays through them.
+//! Small scenes and rays for the tests.
 
 use glam::{DAffine3, DVec3, Vec3};
 
 use crate::scene::{Geometry, Instance, Mesh, MeshId, Opacity, Scene};
 use crate::verify::rays::Ray;
 
-/// Numbers in [0, 1), the same every time (G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number
+/// Deterministic random numbers in [0, 1) (G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number
 /// Generators", 2014).
 pub(super) struct Random(pub(super) u64);
 
@@ -18,13 +18,13 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// A point of the cube from -`half` to `half`.
+    /// Returns a point in the cube from -`half` to `half`.
     pub(super) fn point(&mut self, half: f64) -> DVec3 {
         DVec3::new(self.next(), self.next(), self.next()) * (2.0 * half) - half
     }
 }
 
-/// Rays from everywhere around the origin to everywhere near it.
+/// Returns rays that start all around the origin and aim at points near it.
 pub(super) fn rays(count: usize, reach: f64) -> Vec<Ray> {
     let mut random = Random(7);
     let mut ray = || {
@@ -34,7 +34,7 @@ pub(super) fn rays(count: usize, reach: f64) -> Vec<Ray> {
     (0..count).map(|_| ray()).collect()
 }
 
-/// Loose triangles in the cube from -1 to 1.
+/// Returns unconnected triangles in the cube from -1 to 1.
 pub(super) fn soup(triangles: usize, opacity: Opacity, seed: u64) -> Geometry {
     let mut random = Random(seed);
     let mut geometry = Geometry { opacity, ..Geometry::default() };
@@ -79,8 +79,8 @@ pub(super) fn scene(meshes: Vec<Mesh>, placed: impl IntoIterator<Item = (u32, DA
     Scene { meshes, instances: placed.into_iter().map(place).collect(), ..Scene::default() }
 }
 
-/// Three geometries in one mesh and one in another, of all kinds of opacity; instances turned, mirrored, sheared,
-/// stretched, and flat.
+/// Returns a scene with three geometries in one mesh and one in another, of all kinds of opacity; its instances are
+/// rotated, mirrored, sheared, stretched, and flat.
 pub(super) fn mixed() -> Scene {
     let mask = Opacity::Mask { cutoff: 0.5 };
     let three = mesh(vec![soup(50, Opacity::Opaque, 1), soup(1, mask, 2), soup(80, Opacity::Blend, 3)]);

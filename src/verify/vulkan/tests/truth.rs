@@ -1,4 +1,4 @@
-//! The rays of a verification through the samples, against the truth in double precision.
+//! Checks the rays of a verification of the samples against the truth in double precision.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use crate::scene::{LoadOptions, load};
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 
-/// Distances that differ by more than this many radii of the scene are of different surfaces.
+/// Distances that differ by more than this, in radii of the scene, belong to different surfaces.
 const FAR: f64 = 1e-4;
 
 fn samples() -> Vec<PathBuf> {
@@ -50,7 +50,7 @@ fn assert_truth(pipelines: &Pipelines<'_>, scene: &Scene, name: &str) {
         (hit, truth) => hit.is_none() == truth.is_none(),
     };
     let differ = hits.iter().zip(&truth).filter(|pair| !agrees(*pair)).count();
-    // A ray past a silhouette may go either way.
+    // A ray that grazes a silhouette may hit or miss.
     assert!(differ <= 2, "{name}: {differ} of {} rays differ", all.len());
     let same = |(hit, truth): (&Option<Hit>, &Option<crate::verify::cpu::TrueHit>)| match (hit, truth) {
         (Some(h), Some(t)) if (h.instance, h.triangle) == (t.at.instance, t.at.triangle) => Some(h.front == t.front),

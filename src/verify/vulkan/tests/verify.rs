@@ -1,4 +1,4 @@
-//! Whole verifications on a device: sound pairs pass, planted faults are seen by its rays.
+//! Complete verifications on a device: correct pairs pass, and its rays detect planted faults.
 
 use glam::DAffine3;
 
@@ -30,7 +30,7 @@ fn a_bake_shows_the_same_on_a_device_as_on_the_cpu() {
             let on_cpu = verify(&room(), &after, &options());
             assert_eq!((found.rays, found.hits), (on_cpu.rays, on_cpu.hits));
             assert_eq!(found.device, device.info().name);
-            // Software drivers do not intersect as exactly as the CPU tracer does.
+            // Software drivers intersect less accurately than the CPU tracer.
             assert!(found.max_relative_distance_error < 1e-3, "{}", found.max_relative_distance_error);
         }
     });
@@ -63,7 +63,7 @@ fn other_rays_are_timed_than_compared_where_asked_for() {
     });
 }
 
-/// A fault and the scene that has it.
+/// Returns named faults, each with the scene that has it.
 fn planted() -> Vec<(&'static str, Scene)> {
     let change = |change: &dyn Fn(&mut Scene)| {
         let mut after = room();
