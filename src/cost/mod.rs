@@ -13,7 +13,7 @@ pub mod two_level;
 use boxes::BoxesPerPoint;
 use mesh_trees::MeshTrees;
 use structure::Structure;
-use two_level::TwoLevel;
+use two_level::TwoLevelCost;
 
 use crate::layout::Layout;
 use crate::layout::store::Store;
@@ -34,9 +34,9 @@ pub struct Metrics {
     pub triangles_placed: u64,
     /// Overlap ratio of the instances' world boxes, over the scene's box; best 0. See [`overlap`].
     pub overlap_ratio: f64,
-    /// SAH cost of the two-level tree taken as one tree; best small. See [`TwoLevel::flat_cost`].
+    /// SAH cost of the two-level tree taken as one tree; best small. See [`TwoLevelCost::flat_cost`].
     pub sah_cost: f64,
-    /// Two-level cost; best small. See [`TwoLevel::cost`].
+    /// Two-level cost; best small. See [`TwoLevelCost::cost`].
     pub two_level_cost: f64,
     /// Instance boxes around a random surface point, mean; best 1. See [`BoxesPerPoint`].
     pub boxes_per_point_mean: f64,
@@ -66,7 +66,7 @@ pub fn measure(scene: &Scene, layout: &Layout) -> Metrics {
 pub fn measure_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Metrics {
     let structure = Structure::build_with(scene, layout, trees);
     let scene_area = scene.bounds().area();
-    let costs = TwoLevel::of(&structure, layout);
+    let costs = TwoLevelCost::of(&structure, layout);
     let boxes = BoxesPerPoint::of(&structure, &surface::points(scene, boxes::POINTS));
     Metrics {
         overlap_ratio: share(overlap::shared_area(&structure.boxes), scene_area),
@@ -100,7 +100,7 @@ fn count(scene: &Scene, layout: &Layout) -> Metrics {
 }
 
 /// A part of an area; 0 where the area is 0 or one of them is too large for a number.
-pub(crate) fn share(part: f64, of: f64) -> f64 {
+fn share(part: f64, of: f64) -> f64 {
     let share = part / of;
     if of.is_finite() && share.is_finite() { share } else { 0.0 }
 }

@@ -36,14 +36,18 @@ pub struct FaceAreas {
 impl FaceAreas {
     /// Sums the boxes of a tree's nodes, which run parallel to them.
     pub fn of(tree: &Tree, bounds: &[Bounds]) -> FaceAreas {
+        FaceAreas::sum(tree.nodes.iter().zip(bounds).map(|(node, bounds)| (node.count, *bounds)))
+    }
+
+    /// Sums the boxes of nodes, each with the number of items in it: 0 for an inner node.
+    pub fn sum(nodes: impl Iterator<Item = (u32, Bounds)>) -> FaceAreas {
         let mut sums = FaceAreas::default();
-        for (node, bounds) in tree.nodes.iter().zip(bounds) {
+        for (count, bounds) in nodes {
             let s = bounds.size();
             let faces = 2.0 * DVec3::new(s.y * s.z, s.z * s.x, s.x * s.y);
-            if node.is_leaf() {
-                sums.leaves += f64::from(node.count) * faces;
-            } else {
-                sums.inner += faces;
+            match count {
+                0 => sums.inner += faces,
+                count => sums.leaves += f64::from(count) * faces,
             }
         }
         sums

@@ -5,7 +5,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::sah::TRAVERSAL;
+use super::sah::{FaceAreas, TRAVERSAL};
 use super::structure::Structure;
 use crate::layout::Layout;
 
@@ -16,7 +16,7 @@ pub const INSTANCE_ENTRY: f64 = 5.0;
 
 /// The parts of a two-level cost, in squared world units: areas times costs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TwoLevel {
+pub struct TwoLevelCost {
     /// C_t times the areas of the TLAS's inner nodes.
     pub top: f64,
     /// C_x times the areas of the placements' world boxes.
@@ -26,25 +26,35 @@ pub struct TwoLevel {
     pub bottom: f64,
 }
 
-impl TwoLevel {
+impl TwoLevelCost {
     /// Adds up the parts for a layout and its structure.
+    pub fn of(structure: &Structure, layout: &Layout) -> TwoLevelCost {
+        let top = structure.tlas.bounds(&structure.boxes);
+        let inner = structure.tlas.nodes.iter().zip(&top).filter(|(node, _)| !node.is_leaf());
+        let placed = layout.placements.iter().zip(&structure.boxes).map(|(placement, bounds)| {
+            let areas = &structure.blas[placement.group as usize].areas;
+            TwoLevelCost::of_placement(bounds.area(), areas, &placement.transform.matrix3)
+        });
+        TwoLevelCost::sum(inner.map(|(_, bounds)| bounds.area()), placed)
+    }
+
+    /// The parts of one placement: `area` is that of its world box, `areas` are those of its BLAS, `linear` is the
+    /// linear part of world from group.
     ///
     /// A node of a BLAS is met in group space, so that its area in world units is that of the parallelepiped that
     /// the placement makes of its box, and not that of the larger world box around it: under a matrix M, faces
     /// perpendicular to an axis are scaled by the length of that column of M's cofactor matrix. The TLAS's nodes and
     /// the entries have world boxes, as a driver sees them.
-    pub fn of(structure: &Structure, layout: &Layout) -> TwoLevel {
-        let mut sum = TwoLevel::default();
-        let top = structure.tlas.bounds(&structure.boxes);
-        for (node, bounds) in structure.tlas.nodes.iter().zip(&top) {
-            if !node.is_leaf() {
-                sum.top += TRAVERSAL * bounds.area();
-            }
-        }
-        for (placement, bounds) in layout.placements.iter().zip(&structure.boxes) {
-            sum.entries += INSTANCE_ENTRY * bounds.area();
-            let scale = face_scale(&placement.transform.matrix3);
-            sum.bottom += structure.blas[placement.group as usize].areas.cost(scale);
+    pub fn of_placement(area: f64, areas: &FaceAreas, linear: &DMat3) -> TwoLevelCost {
+        TwoLevelCost { top: 0.0, entries: INSTANCE_ENTRY * area, bottom: areas.cost(face_scale(linear)) }
+    }
+
+    /// Adds up the areas of the TLAS's inner nodes and the parts of the placements.
+    pub fn sum(inner: impl Iterator<Item = f64>, placements: impl Iterator<Item = TwoLevelCost>) -> TwoLevelCost {
+        let mut sum = TwoLevelCost { top: inner.map(|area| TRAVERSAL * area).sum(), ..TwoLevelCost::default() };
+        for placement in placements {
+            sum.entries += placement.entries;
+            sum.bottom += placement.bottom;
         }
         sum
     }
@@ -69,7 +79,7 @@ pub(super) fn cofactor(m: &DMat3) -> DMat3 {
 }
 
 /// By how much a matrix scales areas perpendicular to each axis.
-pub(crate) fn face_scale(m: &DMat3) -> DVec3 {
+pub(super) fn face_scale(m: &DMat3) -> DVec3 {
     let cofactor = cofactor(m);
     DVec3::new(cofactor.x_axis.length(), cofactor.y_axis.length(), cofactor.z_axis.length())
 }
@@ -120,7 +130,7 @@ mod tests {
             let scene = scene(vec![grid_mesh(7), grid_mesh(4)], instances);
             let layout = kept(&scene);
             let structure = Structure::build(&scene, &layout);
-            let sum = TwoLevel::of(&structure, &layout);
+            let sum = TwoLevelCost::of(&structure, &layout);
             let (entries, bottom) = term_by_term(&scene, &layout, &structure);
             prop_assert!((sum.entries / entries - 1.0).abs() < 1e-12);
             prop_assert!((sum.bottom / bottom - 1.0).abs() < 1e-12);
@@ -132,7 +142,7 @@ mod tests {
         let far = DAffine3::from_translation(dvec3(20.0, 0.0, 0.0));
         let scene = scene(vec![grid_mesh(2)], vec![instance(0, DAffine3::IDENTITY), instance(0, far)]);
         let layout = kept(&scene);
-        let sum = TwoLevel::of(&Structure::build(&scene, &layout), &layout);
+        let sum = TwoLevelCost::of(&Structure::build(&scene, &layout), &layout);
         assert_eq!(sum.top, scene.bounds().area());
         assert_eq!(sum.entries, 2.0 * INSTANCE_ENTRY * 2.0 * 4.0);
     }
@@ -142,7 +152,7 @@ mod tests {
         let scene = scene(vec![grid_mesh(9)], vec![instance(0, DAffine3::IDENTITY)]);
         let layout = kept(&scene);
         let structure = Structure::build(&scene, &layout);
-        let sum = TwoLevel::of(&structure, &layout);
+        let sum = TwoLevelCost::of(&structure, &layout);
         let boxes = Store::new(&scene, &layout.groups[0].content).boxes();
         let expected = crate::cost::sah::cost(&structure.blas[0].tree, &boxes);
         let area = scene.bounds().area();
@@ -155,7 +165,7 @@ mod tests {
         let cost_of = |t: DAffine3| {
             let scene = scene(vec![grid_mesh(5)], vec![instance(0, t)]);
             let layout = kept(&scene);
-            TwoLevel::of(&Structure::build(&scene, &layout), &layout)
+            TwoLevelCost::of(&Structure::build(&scene, &layout), &layout)
         };
         let (straight, turned) = (cost_of(DAffine3::IDENTITY), cost_of(DAffine3::from_rotation_z(0.7)));
         assert!((turned.bottom / straight.bottom - 1.0).abs() < 1e-12);

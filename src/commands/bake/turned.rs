@@ -6,7 +6,7 @@ use crate::copies::Copies;
 use crate::cost::bytes;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::structure::Structure;
-use crate::cost::two_level::{INSTANCE_ENTRY, face_scale};
+use crate::cost::two_level::TwoLevelCost;
 use crate::layout;
 use crate::layout::BlasPer;
 use crate::methods::{self, Method};
@@ -31,8 +31,9 @@ pub(super) fn costs_of_instances(scene: &Scene, trees: &MeshTrees, per: BlasPer)
     let mut costs = vec![0.0; scene.instances.len()];
     for (placement, bounds) in layout.placements.iter().zip(&structure.boxes) {
         if let Some(instance) = placement.instance {
-            let below = structure.blas[placement.group as usize].areas.cost(face_scale(&placement.transform.matrix3));
-            costs[instance.0 as usize] += INSTANCE_ENTRY * bounds.area() + below;
+            let areas = &structure.blas[placement.group as usize].areas;
+            let cost = TwoLevelCost::of_placement(bounds.area(), areas, &placement.transform.matrix3);
+            costs[instance.0 as usize] += cost.entries + cost.bottom;
         }
     }
     costs

@@ -6,6 +6,8 @@
 
 use std::ops::{Add, ControlFlow, Div, Mul, Neg, Range, Sub};
 
+use glam::DVec3;
+
 use crate::scene::Bounds;
 use crate::tree::{Node, Tree};
 
@@ -65,8 +67,13 @@ pub(super) struct BoxNode {
 }
 
 impl BoxNode {
-    fn items(&self) -> Range<usize> {
+    pub(super) fn items(&self) -> Range<usize> {
         self.first as usize..self.first as usize + self.count as usize
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        let exact = |corner: [f32; 3]| DVec3::from(corner.map(f64::from));
+        Bounds { min: exact(self.min), max: exact(self.max) }
     }
 }
 
@@ -211,7 +218,7 @@ mod tests {
 
     #[test]
     fn rounding_is_outward() {
-        let bounds = [Bounds { min: glam::DVec3::splat(0.1), max: glam::DVec3::splat(0.7) }];
+        let bounds = [Bounds { min: DVec3::splat(0.1), max: DVec3::splat(0.7) }];
         let tree = Tree::build(&bounds, crate::tree::Quality::Medium);
         let nodes = boxed(&tree, &bounds);
         assert!(f64::from(nodes[0].min[0]) <= 0.1 && f64::from(nodes[0].max[0]) >= 0.7);

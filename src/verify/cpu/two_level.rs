@@ -12,9 +12,8 @@ use rustc_hash::FxBuildHasher;
 
 use super::boxes::{BoxNode, boxed};
 use crate::cost::mesh_trees::MeshTrees;
-use crate::cost::sah::{FaceAreas, TRAVERSAL};
-use crate::cost::share;
-use crate::cost::two_level::{INSTANCE_ENTRY, face_scale};
+use crate::cost::sah::FaceAreas;
+use crate::cost::two_level::TwoLevelCost;
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Geometry, Instance, Mesh, MeshId, Scene};
 use crate::tree::{Quality, Tree};
@@ -117,31 +116,20 @@ impl TwoLevel {
 }
 
 impl TwoLevel {
-    /// The two-level cost of the trees over an area of the scene, as [`crate::cost::two_level::TwoLevel::cost`] defines
-    /// it. Boxes are rounded outward, so that it may come out larger by a few parts in a million, and by as much as
-    /// instances are padded.
+    /// The two-level cost of the trees over an area of the scene: see [`TwoLevelCost::cost`]. Boxes are rounded outward,
+    /// so that it may come out larger by a few parts in a million, and by as much as instances are padded.
     pub fn cost(&self, scene_area: f64) -> f64 {
-        let of_mesh: Vec<FaceAreas> = self.bottom.par_iter().map(|b| face_areas(&b.nodes)).collect();
-        let inside = |e: &Entry| of_mesh[e.mesh as usize].cost(face_scale(&e.to_world.matrix3));
-        let top = face_areas(&self.top);
-        let entered = top.leaves.element_sum() * INSTANCE_ENTRY + top.inner.element_sum() * TRAVERSAL;
-        let all = entered + self.entries.iter().map(inside).sum::<f64>();
-        share(all / (self.scale * self.scale), scene_area)
+        let areas = |b: &Bottom| FaceAreas::sum(b.nodes.iter().map(|node| (node.count, node.bounds())));
+        let of_mesh: Vec<FaceAreas> = self.bottom.par_iter().map(areas).collect();
+        let inner = self.top.iter().filter(|node| node.count == 0).map(|node| node.bounds().area());
+        let leaves = self.top.iter().filter(|node| node.count > 0);
+        let placed = leaves.flat_map(|leaf| self.entries[leaf.items()].iter().map(move |entry| (leaf, entry)));
+        let cost_of = |(leaf, entry): (&BoxNode, &Entry)| {
+            let areas = &of_mesh[entry.mesh as usize];
+            TwoLevelCost::of_placement(leaf.bounds().area(), areas, &entry.to_world.matrix3)
+        };
+        TwoLevelCost::sum(inner, placed.map(cost_of)).cost(scene_area * self.scale * self.scale)
     }
-}
-
-/// The areas of the boxes of a tree.
-fn face_areas(nodes: &[BoxNode]) -> FaceAreas {
-    let mut sums = FaceAreas::default();
-    for node in nodes {
-        let s = DVec3::from(node.max.map(f64::from)) - DVec3::from(node.min.map(f64::from));
-        let faces = 2.0 * DVec3::new(s.y * s.z, s.z * s.x, s.x * s.y);
-        match node.count {
-            0 => sums.inner += faces,
-            count => sums.leaves += f64::from(count) * faces,
-        }
-    }
-    sums
 }
 
 impl Bottom {
