@@ -65,6 +65,32 @@ impl Component {
             Component::U32 | Component::F32 => 4,
         }
     }
+
+    /// The number that little-endian bytes stand for; integers are not normalised.
+    ///
+    /// # Panics
+    /// If there are fewer bytes than [`Component::size`].
+    pub fn number(self, raw: &[u8]) -> f64 {
+        match self {
+            Component::I8 => f64::from(raw[0] as i8),
+            Component::U8 => f64::from(raw[0]),
+            Component::I16 => f64::from(i16::from_le_bytes([raw[0], raw[1]])),
+            Component::U16 => f64::from(u16::from_le_bytes([raw[0], raw[1]])),
+            Component::U32 => f64::from(u32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])),
+            Component::F32 => f64::from(f32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])),
+        }
+    }
+
+    /// The integer that stands for 1 in a normalised accessor; `None` for types that are not normalised.
+    pub fn one(self) -> Option<f64> {
+        match self {
+            Component::I8 => Some(127.0),
+            Component::U8 => Some(255.0),
+            Component::I16 => Some(32_767.0),
+            Component::U16 => Some(65_535.0),
+            Component::U32 | Component::F32 => None,
+        }
+    }
 }
 
 /// The type of one element of an accessor.
@@ -82,6 +108,19 @@ impl Element {
     /// Bytes of one tightly packed element.
     pub fn size(self) -> usize {
         self.component.size() * self.components
+    }
+
+    /// One component as a number; normalised integers as the section "Animations" of the glTF 2.0 specification maps
+    /// them.
+    ///
+    /// # Panics
+    /// If there are fewer bytes than [`Component::size`].
+    pub fn number(self, raw: &[u8]) -> f64 {
+        let number = self.component.number(raw);
+        match self.component.one().filter(|_| self.normalized) {
+            Some(one) => (number / one).max(-1.0),
+            None => number,
+        }
     }
 }
 
@@ -115,18 +154,10 @@ impl Attribute<'_> {
     /// # Panics
     /// If there is no such element.
     pub fn numbers(&self, index: u32) -> [f64; 4] {
-        let Element { component, components, normalized } = self.element;
+        let element = self.element;
         let mut values = [0.0, 0.0, 0.0, 1.0];
-        for (value, raw) in values.iter_mut().zip(self.bytes(index).chunks_exact(component.size())).take(components) {
-            let (number, largest) = match component {
-                Component::I8 => (f64::from(raw[0] as i8), 127.0),
-                Component::U8 => (f64::from(raw[0]), 255.0),
-                Component::I16 => (f64::from(i16::from_le_bytes([raw[0], raw[1]])), 32_767.0),
-                Component::U16 => (f64::from(u16::from_le_bytes([raw[0], raw[1]])), 65_535.0),
-                Component::U32 => (f64::from(u32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])), 1.0),
-                Component::F32 => (f64::from(f32::from_le_bytes([raw[0], raw[1], raw[2], raw[3]])), 1.0),
-            };
-            *value = if normalized { (number / largest).max(-1.0) } else { number };
+        for (value, raw) in values.iter_mut().zip(self.bytes(index).chunks_exact(element.component.size())) {
+            *value = element.number(raw);
         }
         values
     }

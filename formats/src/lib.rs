@@ -31,6 +31,7 @@ pub mod alpha;
 pub mod contents;
 pub mod document;
 pub mod error;
+mod extension_names;
 mod gltf;
 mod obj;
 pub mod staging;

@@ -4,7 +4,7 @@ use std::hash::Hasher;
 
 use glam::{DMat3, DVec3};
 use raykiln_formats::Document;
-use raykiln_formats::document::{Attribute, Component};
+use raykiln_formats::document::Attribute;
 use rustc_hash::FxHasher;
 use serde_json::Value;
 
@@ -182,11 +182,5 @@ fn directions_agree([(a, vertex_a), (b, vertex_b)]: [(&Option<Attribute>, u32); 
 
 /// The step between components of unit vectors as they are stored.
 fn step(attribute: &Attribute) -> f64 {
-    match attribute.element.component {
-        Component::I8 => 1.0 / 127.0,
-        Component::U8 => 1.0 / 255.0,
-        Component::I16 => 1.0 / 32_767.0,
-        Component::U16 => 1.0 / 65_535.0,
-        Component::U32 | Component::F32 => 0.0,
-    }
+    attribute.element.component.one().map_or(0.0, |one| 1.0 / one)
 }

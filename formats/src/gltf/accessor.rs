@@ -130,7 +130,7 @@ impl<'d> Accessor<'d> {
         elements(bytes, stride, N * size).map(move |e| {
             let mut vector = [0.0; N];
             for (slot, c) in vector.iter_mut().zip(e.chunks_exact(size)) {
-                *slot = component(c, element);
+                *slot = element.number(c);
             }
             vector
         })
@@ -282,17 +282,4 @@ fn floats<const N: usize>(e: &[u8]) -> [f32; N] {
         *slot = f32::from_le_bytes([c[0], c[1], c[2], c[3]]);
     }
     vector
-}
-
-/// One component; normalised integers as the section "Animations" of the glTF 2.0 specification maps them.
-fn component(c: &[u8], element: Element) -> f64 {
-    let (value, largest) = match element.component {
-        Component::I8 => (f64::from(i8::from_le_bytes([c[0]])), 127.0),
-        Component::U8 => (f64::from(c[0]), 255.0),
-        Component::I16 => (f64::from(i16::from_le_bytes([c[0], c[1]])), 32767.0),
-        Component::U16 => (f64::from(u16::from_le_bytes([c[0], c[1]])), 65535.0),
-        Component::U32 => (f64::from(u32::from_le_bytes([c[0], c[1], c[2], c[3]])), 1.0),
-        Component::F32 => (f64::from(f32::from_le_bytes([c[0], c[1], c[2], c[3]])), 1.0),
-    };
-    if element.normalized { (value / largest).max(-1.0) } else { value }
 }

@@ -6,10 +6,13 @@ use super::accessor::{Accessor, view_range};
 use super::json::At;
 use super::uri::{self, Uri};
 use crate::alpha::{AlphaTest, Bytes, Image, Texture, Wrap};
+use crate::extension_names::{
+    EXT_TEXTURE_AVIF, EXT_TEXTURE_WEBP, KHR_TEXTURE_BASISU, KHR_TEXTURE_TRANSFORM, MSFT_TEXTURE_DDS,
+};
 use crate::{Document, Error};
 
 /// Extensions that name an image in a format of their own.
-const SOURCES: [&str; 4] = ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds"];
+const SOURCES: [&str; 4] = [KHR_TEXTURE_BASISU, EXT_TEXTURE_WEBP, EXT_TEXTURE_AVIF, MSFT_TEXTURE_DDS];
 
 pub(crate) fn alpha_test(doc: &Document, material: usize) -> Result<AlphaTest, Error> {
     let root = At::root(doc);
@@ -37,7 +40,7 @@ fn texture(root: &At<'_>, info: &At<'_>) -> Result<Texture, Error> {
     };
     let mut texcoord = info.get("texCoord").map_or(Ok(0), |n| n.integer())?;
     let mut transform = DAffine2::IDENTITY;
-    if let Some(at) = info.extension("KHR_texture_transform") {
+    if let Some(at) = info.extension(KHR_TEXTURE_TRANSFORM) {
         texcoord = at.get("texCoord").map_or(Ok(texcoord), |n| n.integer())?;
         transform = transformed(&at)?;
     }

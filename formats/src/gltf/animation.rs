@@ -1,9 +1,9 @@
 //! Animations: which nodes they move.
 
 use super::accessor::Accessor;
-use super::extensions::ANIMATION_POINTER;
 use super::json::At;
 use crate::contents::Node;
+use crate::extension_names::KHR_ANIMATION_POINTER;
 use crate::{Document, Error};
 
 /// Marks the nodes that animations move, or whose meshes' morph weights they change.
@@ -22,7 +22,7 @@ pub(super) fn mark_animated(doc: &Document, nodes: &mut [Node]) -> Result<(), Er
             if let Some(node) = target.index("node", "nodes", nodes.len())? {
                 nodes[node].animated = true;
             }
-            if let Some(pointer) = target.extension(ANIMATION_POINTER).and_then(|e| e.get("pointer")) {
+            if let Some(pointer) = target.extension(KHR_ANIMATION_POINTER).and_then(|e| e.get("pointer")) {
                 mark_pointer(&pointer, nodes, &mut meshes)?;
             }
         }

@@ -4,9 +4,10 @@ use serde_json::Value;
 
 use super::cut::cut_views;
 use super::edit::{array, each_primitive};
-use super::extensions::{self, DRACO, GPU_INSTANCING};
+use super::extensions;
 use super::json::unsigned;
 use crate::document::{Compacted, Document};
+use crate::extension_names::{EXT_MESH_GPU_INSTANCING, KHR_DRACO_MESH_COMPRESSION};
 
 /// Calls a function with every reference to the elements of one top-level list.
 type Visit = fn(&mut Value, &mut dyn FnMut(&mut Value));
@@ -88,7 +89,7 @@ fn accessor_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
         for path in ["/extras/raykiln/source/runs", "/extras/raykiln/source/nodes", "/extras/raykiln/source/meshes"] {
             node.pointer_mut(path).into_iter().for_each(&mut *visit);
         }
-        let instancing = node.get_mut("extensions").and_then(|e| e.get_mut(GPU_INSTANCING));
+        let instancing = node.get_mut("extensions").and_then(|e| e.get_mut(EXT_MESH_GPU_INSTANCING));
         values(instancing.and_then(|e| e.get_mut("attributes")), visit);
     }
 }
@@ -103,7 +104,7 @@ fn view_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
         image.get_mut("bufferView").into_iter().for_each(&mut *visit);
     }
     each_primitive(json, |primitive| {
-        let draco = primitive.get_mut("extensions").and_then(|e| e.get_mut(DRACO));
+        let draco = primitive.get_mut("extensions").and_then(|e| e.get_mut(KHR_DRACO_MESH_COMPRESSION));
         draco.and_then(|d| d.get_mut("bufferView")).into_iter().for_each(&mut *visit);
     });
 }

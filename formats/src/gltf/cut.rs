@@ -6,9 +6,9 @@ use serde_json::{Value, json};
 
 use super::accessor::Accessor;
 use super::edit::{array, each_primitive, push};
-use super::extensions::DRACO;
 use super::json::unsigned;
 use crate::document::Document;
+use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 
 /// Unused bytes that are not worth a buffer view of their own.
 const MOST_GAP: usize = 128;
@@ -54,7 +54,12 @@ fn whole_views(json: &mut Value) -> Vec<bool> {
     }
     array(json, "images").for_each(|image| mark(image.get("bufferView")));
     each_primitive(json, |primitive| {
-        mark(primitive.get("extensions").and_then(|e| e.get(DRACO)).and_then(|d| d.get("bufferView")));
+        mark(
+            primitive
+                .get("extensions")
+                .and_then(|e| e.get(KHR_DRACO_MESH_COMPRESSION))
+                .and_then(|d| d.get("bufferView")),
+        );
     });
     whole
 }

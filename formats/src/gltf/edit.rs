@@ -102,7 +102,7 @@ fn min_max(data: &[u8], element: Element) -> Option<(Value, Value)> {
     let size = element.component.size();
     for vector in data.chunks_exact(element.size()) {
         for ((min, max), c) in bounds.iter_mut().zip(vector.chunks_exact(size)) {
-            let x = stored(c, element.component);
+            let x = element.component.number(c);
             (*min, *max) = (min.min(x), max.max(x));
         }
     }
@@ -114,16 +114,4 @@ fn min_max(data: &[u8], element: Element) -> Option<(Value, Value)> {
     let min: Option<Vec<Value>> = bounds.iter().map(|(min, _)| number(*min)).collect();
     let max: Option<Vec<Value>> = bounds.iter().map(|(_, max)| number(*max)).collect();
     Some((min?.into(), max?.into()))
-}
-
-/// A component as stored, integers not normalised.
-fn stored(c: &[u8], component: Component) -> f64 {
-    match component {
-        Component::I8 => f64::from(i8::from_le_bytes([c[0]])),
-        Component::U8 => f64::from(c[0]),
-        Component::I16 => f64::from(i16::from_le_bytes([c[0], c[1]])),
-        Component::U16 => f64::from(u16::from_le_bytes([c[0], c[1]])),
-        Component::U32 => f64::from(u32::from_le_bytes([c[0], c[1], c[2], c[3]])),
-        Component::F32 => f64::from(f32::from_le_bytes([c[0], c[1], c[2], c[3]])),
-    }
 }

@@ -6,53 +6,48 @@ use serde_json::Value;
 
 use super::json::At;
 use crate::Error;
+use crate::extension_names::*;
 
 /// Extensions whose geometry semantics are handled or that do not touch geometry, besides `KHR_materials_*`. They
 /// may be required, and none refers to meshes, accessors or buffer views in a place that `compact` does not know.
 const READABLE: &[&str] = &[
-    "ADOBE_materials_clearcoat_specular",
-    "ADOBE_materials_thin_transparency",
-    "EXT_lights_image_based",
-    "EXT_materials_bump",
-    "EXT_mesh_features",
-    "EXT_mesh_gpu_instancing",
-    "EXT_texture_avif",
-    "EXT_texture_webp",
-    "FB_geometry_metadata",
-    "GODOT_single_root",
-    "KHR_animation_pointer",
-    "KHR_lights_punctual",
-    "KHR_mesh_quantization",
-    "KHR_texture_basisu",
-    "KHR_texture_transform",
-    "KHR_xmp",
-    "KHR_xmp_json_ld",
-    "MSFT_packing_normalRoughnessMetallic",
-    "MSFT_packing_occlusionRoughnessMetallic",
-    "MSFT_texture_dds",
+    ADOBE_MATERIALS_CLEARCOAT_SPECULAR,
+    ADOBE_MATERIALS_THIN_TRANSPARENCY,
+    EXT_LIGHTS_IMAGE_BASED,
+    EXT_MATERIALS_BUMP,
+    EXT_MESH_FEATURES,
+    EXT_MESH_GPU_INSTANCING,
+    EXT_TEXTURE_AVIF,
+    EXT_TEXTURE_WEBP,
+    FB_GEOMETRY_METADATA,
+    GODOT_SINGLE_ROOT,
+    KHR_ANIMATION_POINTER,
+    KHR_LIGHTS_PUNCTUAL,
+    KHR_MESH_QUANTIZATION,
+    KHR_TEXTURE_BASISU,
+    KHR_TEXTURE_TRANSFORM,
+    KHR_XMP,
+    KHR_XMP_JSON_LD,
+    MSFT_PACKING_NORMAL_ROUGHNESS_METALLIC,
+    MSFT_PACKING_OCCLUSION_ROUGHNESS_METALLIC,
+    MSFT_TEXTURE_DDS,
 ];
 
 /// Extensions that cannot be required, but whose references are known, so that they do not hinder renumbering.
 const RENUMBERABLE: &[&str] = &[
-    DRACO,
-    "KHR_node_hoverability",
-    "KHR_node_selectability",
-    "KHR_node_visibility",
-    "MSFT_lod",
-    "MSFT_screencoverage",
+    KHR_DRACO_MESH_COMPRESSION,
+    KHR_NODE_HOVERABILITY,
+    KHR_NODE_SELECTABILITY,
+    KHR_NODE_VISIBILITY,
+    MSFT_LOD,
+    MSFT_SCREENCOVERAGE,
 ];
 
 /// Extensions of a node that leave its mesh alone.
-const HARMLESS_ON_NODES: &[&str] = &[GPU_INSTANCING, "KHR_lights_punctual", "KHR_xmp", "KHR_xmp_json_ld"];
+const HARMLESS_ON_NODES: &[&str] = &[EXT_MESH_GPU_INSTANCING, KHR_LIGHTS_PUNCTUAL, KHR_XMP, KHR_XMP_JSON_LD];
 
-/// Draco compression of primitives.
-pub(super) const DRACO: &str = "KHR_draco_mesh_compression";
 /// meshoptimizer's compression of buffer views, under its vendor's and Khronos' name.
-pub(super) const MESHOPT: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
-/// Many copies of a node's mesh.
-pub(super) const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
-/// Animation of any property.
-pub(super) const ANIMATION_POINTER: &str = "KHR_animation_pointer";
+pub(super) const MESHOPT: [&str; 2] = [EXT_MESHOPT_COMPRESSION, KHR_MESHOPT_COMPRESSION];
 
 /// Why a file that needs decompression is refused.
 pub(super) const COMPRESSED: &str = "compressed geometry is not read yet";
@@ -61,7 +56,7 @@ pub(super) const COMPRESSED: &str = "compressed geometry is not read yet";
 pub(super) fn check_required(root: &At<'_>) -> Result<(), Error> {
     for at in root.list("extensionsRequired")? {
         let name = at.string()?;
-        if name == DRACO || MESHOPT.contains(&name) {
+        if name == KHR_DRACO_MESH_COMPRESSION || MESHOPT.contains(&name) {
             return Err(at.error(format_args!("{name} is required, but {COMPRESSED}")).unsupported());
         }
         if !is_readable(name) {
@@ -72,7 +67,7 @@ pub(super) fn check_required(root: &At<'_>) -> Result<(), Error> {
 }
 
 fn is_readable(name: &str) -> bool {
-    name.starts_with("KHR_materials_") || READABLE.contains(&name)
+    name.starts_with(KHR_MATERIALS) || READABLE.contains(&name)
 }
 
 /// Whether an extension on a node leaves the meaning of its mesh alone.
@@ -94,7 +89,7 @@ pub(super) fn first_unknown(json: &Value) -> Option<String> {
                     return Some(name.clone());
                 }
                 if map.get("pointer").is_some_and(points_to_renumbered) {
-                    return Some(ANIMATION_POINTER.to_owned());
+                    return Some(KHR_ANIMATION_POINTER.to_owned());
                 }
                 todo.extend(map.iter().rev().filter(|(key, _)| *key != "extras").map(|(_, value)| value));
             }

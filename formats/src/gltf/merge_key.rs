@@ -5,8 +5,8 @@ use std::fmt::Write;
 use serde_json::Value;
 
 use super::accessor::Accessor;
-use super::extensions::DRACO;
 use super::json::At;
+use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 
 /// A text that is equal for primitives with the same vertex attributes, extensions and extras. Positions, normals
 /// and tangents count as 32-bit floats, since joining transforms them; where triangles came from does not count.
@@ -14,7 +14,7 @@ pub(super) fn merge_key(primitive: &At<'_>, attributes: &[(&str, Accessor<'_>)])
     let mut types: Vec<String> = attributes.iter().map(|(name, accessor)| attribute_type(name, accessor)).collect();
     types.sort_unstable();
     let mut key = types.join(" ");
-    for (property, hidden) in [("extensions", DRACO), ("extras", "raykiln")] {
+    for (property, hidden) in [("extensions", KHR_DRACO_MESH_COMPRESSION), ("extras", "raykiln")] {
         key.push('|');
         if let Some(at) = primitive.get(property) {
             write_canonical(&mut key, at.value, Some(hidden));

@@ -3,11 +3,12 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::accessor::Accessor;
-use super::extensions::{self, GPU_INSTANCING};
+use super::extensions;
 use super::json::At;
 use super::provenance::NodeSources;
 use crate::contents::Node;
 use crate::document::{Component, Document};
+use crate::extension_names::EXT_MESH_GPU_INSTANCING;
 use crate::{Error, Warning};
 
 /// All nodes, each with its parent, no cycle among them.
@@ -40,7 +41,7 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
         skinned: at.index("skin", "skins", root.count("skins"))?.is_some(),
         camera: at.index("camera", "cameras", root.count("cameras"))?,
         local: local(at, warnings)?,
-        copies: at.extension(GPU_INSTANCING).map(|e| copies(doc, &e, warnings)).transpose()?,
+        copies: at.extension(EXT_MESH_GPU_INSTANCING).map(|e| copies(doc, &e, warnings)).transpose()?,
         animated: false,
         in_other_scene: false,
         unknown_extensions: names.filter(|n| !extensions::is_harmless_on_nodes(n)).cloned().collect(),

@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 use bytes::Bytes;
 use serde_json::Value;
 
-use super::extensions::{self, COMPRESSED, DRACO, MESHOPT};
+use super::extensions::{self, COMPRESSED, MESHOPT};
 use super::json::{At, unsigned};
 use super::uri::{self, Uri};
 use super::{binary, edit};
 use crate::document::Kind;
+use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 use crate::{Document, Error, ErrorKind, Warning};
 
 /// Reads a glTF or GLB file, told apart by their first bytes.
@@ -190,7 +191,7 @@ fn drop_draco(doc: &mut Document) -> Result<(), Error> {
     let mut dropped = 0;
     for mesh in root.list("meshes")? {
         for primitive in mesh.list("primitives")? {
-            if primitive.extension(DRACO).is_some() {
+            if primitive.extension(KHR_DRACO_MESH_COMPRESSION).is_some() {
                 check_fallback(&root, &primitive)?;
                 dropped += 1;
             }
@@ -198,10 +199,12 @@ fn drop_draco(doc: &mut Document) -> Result<(), Error> {
     }
     if dropped > 0 {
         edit::each_primitive(&mut doc.json, |primitive| {
-            extensions::remove(primitive, DRACO);
+            extensions::remove(primitive, KHR_DRACO_MESH_COMPRESSION);
         });
-        extensions::forget(&mut doc.json, DRACO);
-        let message = format!("{DRACO} of {dropped} primitives is left out; their uncompressed accessors are used");
+        extensions::forget(&mut doc.json, KHR_DRACO_MESH_COMPRESSION);
+        let message = format!(
+            "{KHR_DRACO_MESH_COMPRESSION} of {dropped} primitives is left out; their uncompressed accessors are used"
+        );
         doc.warnings.push(Warning { place: "meshes".into(), message });
     }
     Ok(())
@@ -215,7 +218,7 @@ fn check_fallback(root: &At<'_>, primitive: &At<'_>) -> Result<(), Error> {
     for index in attributes.chain(primitive.value.get("indices")) {
         let accessor = unsigned(index).and_then(|i| accessors?.element(i));
         if accessor.is_some_and(|at| at.get("bufferView").is_none() && at.get("sparse").is_none()) {
-            let cause = format_args!("{DRACO} has no uncompressed fallback here, and {COMPRESSED}");
+            let cause = format_args!("{KHR_DRACO_MESH_COMPRESSION} has no uncompressed fallback here, and {COMPRESSED}");
             return Err(primitive.error(cause).unsupported());
         }
     }

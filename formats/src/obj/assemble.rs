@@ -8,6 +8,7 @@ use super::mesh::{self, Made, Primitive};
 use super::notes::Notes;
 use super::scan::Scan;
 use super::streams::{Sizes, Stream, Streams};
+use crate::extension_names::KHR_TEXTURE_TRANSFORM;
 
 /// The glTF root object and its one buffer.
 pub(super) fn assemble(
@@ -54,7 +55,7 @@ pub(super) fn assemble(
 }
 
 fn extensions(materials: &Materials) -> Vec<Value> {
-    let transform = materials.textures.transformed.then_some("KHR_texture_transform");
+    let transform = materials.textures.transformed.then_some(KHR_TEXTURE_TRANSFORM);
     materials.extensions.iter().copied().chain(transform).map(Value::from).collect()
 }
 

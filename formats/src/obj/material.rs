@@ -24,6 +24,10 @@ use super::files::Files;
 use super::library::{Definition, Libraries};
 use super::notes::Notes;
 use super::texture::{Statement, Textures};
+use crate::extension_names::{
+    KHR_MATERIALS_ANISOTROPY, KHR_MATERIALS_CLEARCOAT, KHR_MATERIALS_EMISSIVE_STRENGTH, KHR_MATERIALS_IOR,
+    KHR_MATERIALS_SHEEN,
+};
 
 /// The glTF materials of a document, in order of first use.
 #[derive(Debug)]
@@ -198,7 +202,7 @@ impl<'a> Conversion<'a> {
             out.insert("emissiveTexture".to_owned(), texture);
         }
         if strength > 1.0 {
-            self.extend("KHR_materials_emissive_strength", json!({"emissiveStrength": decimal(strength)}));
+            self.extend(KHR_MATERIALS_EMISSIVE_STRENGTH, json!({"emissiveStrength": decimal(strength)}));
         }
     }
 
@@ -225,7 +229,7 @@ impl<'a> Conversion<'a> {
     fn index_of_refraction(&mut self) {
         if let Some(ior) = self.definition.values.optical_density.filter(|ior| *ior > 1.0) {
             self.said.insert("Ni");
-            self.extend("KHR_materials_ior", json!({"ior": decimal(ior)}));
+            self.extend(KHR_MATERIALS_IOR, json!({"ior": decimal(ior)}));
         }
     }
 
@@ -236,18 +240,18 @@ impl<'a> Conversion<'a> {
             let roughness = self.scalar("Pcr").unwrap_or(0.0);
             let value = json!({"clearcoatFactor": unit(coat), "clearcoatRoughnessFactor": unit(roughness)});
             self.said.extend(["Pc", "Pcr"]);
-            self.extend("KHR_materials_clearcoat", value);
+            self.extend(KHR_MATERIALS_CLEARCOAT, value);
         }
         if let Some(sheen) = self.scalar("Ps").filter(|x| *x > 0.0) {
             self.said.insert("Ps");
-            self.extend("KHR_materials_sheen", json!({"sheenColorFactor": [unit(sheen), unit(sheen), unit(sheen)]}));
+            self.extend(KHR_MATERIALS_SHEEN, json!({"sheenColorFactor": [unit(sheen), unit(sheen), unit(sheen)]}));
         }
         if let Some(strength) = self.scalar("aniso").filter(|x| *x > 0.0) {
             let turn = self.scalar("anisor").unwrap_or(0.0);
             let radians = decimal(turn * std::f32::consts::TAU);
             self.said.extend(["aniso", "anisor"]);
             let value = json!({"anisotropyStrength": unit(strength), "anisotropyRotation": radians});
-            self.extend("KHR_materials_anisotropy", value);
+            self.extend(KHR_MATERIALS_ANISOTROPY, value);
         }
     }
 

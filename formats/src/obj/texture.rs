@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::files::Files;
 use super::notes::Notes;
+use crate::extension_names::KHR_TEXTURE_TRANSFORM;
 
 /// A texture statement, taken apart.
 #[derive(Clone, Debug, PartialEq)]
@@ -173,7 +174,7 @@ impl Textures {
         let mut info = json!({"index": self.textures.number(texture)});
         if let Some(transform) = file.transform() {
             self.transformed = true;
-            info["extensions"] = json!({"KHR_texture_transform": transform});
+            info["extensions"] = json!({KHR_TEXTURE_TRANSFORM: transform});
         }
         Some(info)
     }
