@@ -163,43 +163,6 @@ impl Attribute<'_> {
     }
 }
 
-/// What a buffer view is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Target {
-    /// Vertex attributes (`ARRAY_BUFFER`).
-    Vertices,
-    /// Indices (`ELEMENT_ARRAY_BUFFER`).
-    Indices,
-    /// Data that no primitive refers to.
-    Other,
-}
-
-/// A new accessor and its bytes, see [`Document::push_accessor`].
-#[derive(Clone, Debug)]
-pub struct NewAccessor {
-    /// Tightly packed elements; vertex attributes whose element size is no multiple of 4 are padded on writing.
-    pub data: Vec<u8>,
-    /// Type of an element.
-    pub element: Element,
-    /// What the data is for.
-    pub target: Target,
-    /// Whether to write the `min` and `max` properties (required for POSITION).
-    pub bounds: bool,
-}
-
-/// What [`Document::compact`] removed, and why it left out the rest.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Compacted {
-    /// Meshes, accessors and buffer views removed.
-    pub meshes: usize,
-    /// See `meshes`.
-    pub accessors: usize,
-    /// See `meshes`.
-    pub buffer_views: usize,
-    /// The unknown extension that may refer to any of them, so that none could be renumbered.
-    pub held_by: Option<String>,
-}
-
 impl Document {
     /// The checked, typed view of this document's default scene.
     ///
@@ -241,23 +204,6 @@ impl Document {
     /// The unsigned integers of a SCALAR accessor, if there is such an accessor and it is sound.
     pub fn scalars(&self, accessor: usize) -> Option<Vec<u32>> {
         crate::gltf::attributes::scalars(self, accessor)
-    }
-
-    /// Adds an accessor with a buffer view and a buffer of its own (writing joins all buffers); returns its index.
-    pub fn push_accessor(&mut self, new: NewAccessor) -> usize {
-        crate::gltf::edit::push_accessor(self, new)
-    }
-
-    /// Removes meshes no node refers to, then accessors and buffer views nothing refers to, and renumbers the
-    /// rest; views of which accessors read parts only are cut down to these. Nodes, materials and everything else keep their index.
-    pub fn compact(&mut self) -> Compacted {
-        crate::gltf::compact::compact(self)
-    }
-
-    /// Takes the extensions out of `extensionsUsed` and `extensionsRequired` of which the document this one was made from
-    /// has objects and this one has none left. What was listed without an object stays listed.
-    pub fn forget_extensions_gone_since(&mut self, input: &Document) {
-        crate::gltf::extensions::forget_unused(&mut self.json, &input.json);
     }
 
     /// Writes the document as `.glb`, or `.gltf` with one `.bin` and its images, into a hidden folder beside

@@ -2,7 +2,7 @@
 //!
 //! A [`Document`] is what the file says: the glTF JSON tree as it was written plus the bytes of its buffers.
 //! Whatever Raykiln does not understand stays in it untouched. An OBJ file becomes a `Document` too, so that the
-//! rest of the program knows one model. [`Contents`] is the checked, typed view of a `Document` from which a scene
+//! rest of the program knows one model; it is changed by the methods that [`edit`] adds. [`Contents`] is the checked, typed view of a `Document` from which a scene
 //! is made. This crate knows no GPU, no BVH and no cost.
 //!
 //! From a path, and from bytes in memory:
@@ -30,6 +30,7 @@
 pub mod alpha;
 pub mod contents;
 pub mod document;
+pub mod edit;
 pub mod error;
 mod extension_names;
 mod gltf;

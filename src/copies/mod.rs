@@ -29,7 +29,6 @@ use std::sync::Arc;
 use glam::DAffine3;
 use raykiln_formats::Document;
 use rayon::prelude::*;
-use serde_json::Value;
 
 use crate::cost::bytes;
 use crate::scene::{MeshId, Scene, StandIn, TriangleOrder};
@@ -214,19 +213,17 @@ fn roles(doc: &Document, scene: &Scene) -> Vec<Role> {
         .meshes
         .iter()
         .map(|mesh| {
-            let primitives = doc.json["meshes"][mesh.source as usize]["primitives"].as_array();
-            let morphed = |p: &Value| p["targets"].as_array().is_some_and(|t| !t.is_empty());
-            let whole = primitives.is_some_and(|p| p.len() == mesh.geometries.len() && !p.iter().any(morphed));
+            let source = mesh.source as usize;
+            let whole = doc.primitive_count(source) == mesh.geometries.len() && !doc.is_morphed(source);
             if whole && !mesh.dropped { Role::Any } else { Role::None }
         })
         .collect();
     for instance in &scene.instances {
         let role = &mut roles[instance.mesh.0 as usize];
-        let node = &doc.json["nodes"][instance.node as usize];
         *role = match *role {
             Role::None => Role::None,
             _ if instance.pinned.is_some() => Role::Model,
-            Role::Any if node["extensions"].get("EXT_mesh_gpu_instancing").is_some() => Role::InPlace,
+            Role::Any if scene.is_copied(instance.node) => Role::InPlace,
             role => role,
         };
     }

@@ -6,7 +6,6 @@ use glam::{DMat3, DVec3};
 use raykiln_formats::Document;
 use raykiln_formats::document::Attribute;
 use rustc_hash::FxHasher;
-use serde_json::Value;
 
 use super::TURNED;
 use crate::scene::{Geometry, Mesh, MeshId, Scene};
@@ -68,7 +67,7 @@ impl<'a> Shape<'a> {
         }
         let center = mean(corners.as_flattened());
         let spread = mean_square(corners.as_flattened(), center).sqrt();
-        let properties = properties(&doc.json["meshes"][mesh.source as usize]);
+        let properties = properties(doc, mesh.source as usize);
         Shape { mesh, parts, corners, keys, properties, center, spread }
     }
 
@@ -145,12 +144,11 @@ fn corner_key(kind: u64, part: &Part, vertex: u32) -> u64 {
 }
 
 /// A hash of what a mesh says besides its name and primitives.
-fn properties(mesh: &Value) -> u64 {
+fn properties(doc: &Document, mesh: usize) -> u64 {
     let mut hasher = FxHasher::default();
-    for (key, value) in mesh.as_object().into_iter().flatten().filter(|(key, _)| *key != "name" && *key != "primitives")
-    {
+    for (key, text) in doc.mesh_properties(mesh) {
         hasher.write(key.as_bytes());
-        hasher.write(value.to_string().as_bytes());
+        hasher.write(text.as_bytes());
     }
     hasher.finish()
 }

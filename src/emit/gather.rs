@@ -3,7 +3,8 @@
 use glam::{DMat3, DVec3};
 use raykiln_formats::Document;
 use raykiln_formats::contents::Source;
-use raykiln_formats::document::{Attribute, Component, Element, NewAccessor, Target};
+use raykiln_formats::document::{Attribute, Component, Element};
+use raykiln_formats::edit::{NewAccessor, NewPrimitive, Target};
 use rayon::prelude::*;
 
 use crate::layout::store::{Part, Store, Vertices, rounding_error};
@@ -25,18 +26,6 @@ pub(super) struct Gathered {
     pub(super) primitives: Vec<NewPrimitive>,
     /// The largest distance between a stored position and the exact one, in units of the group.
     pub(super) position_error: f64,
-}
-
-/// A primitive to be written.
-pub(super) struct NewPrimitive {
-    pub(super) attributes: Vec<(String, NewAccessor)>,
-    pub(super) indices: NewAccessor,
-    pub(super) material: Option<u32>,
-    /// Mesh and primitive of the document whose further properties this primitive inherits.
-    pub(super) like: (usize, usize),
-    pub(super) sources: Vec<Source>,
-    /// Runs of source triangles: source, first triangle, count.
-    pub(super) runs: Vec<[u32; 3]>,
 }
 
 impl<'a> Sources<'a> {

@@ -12,11 +12,11 @@ use std::collections::BTreeMap;
 
 use glam::{DAffine3, DVec3};
 use raykiln_formats::Document;
-use raykiln_formats::document::{Component, Element, NewAccessor, Target};
+use raykiln_formats::document::{Component, Element};
+use raykiln_formats::edit::{CopyAttributes, NewAccessor, NewNode, NodeRecord, SourceRecord, Target};
 use rayon::prelude::*;
-use serde_json::{Map, Value, json};
 
-use super::nodes::{INSTANCING, Shared, push_root};
+use super::nodes::Shared;
 use super::precision::stretch;
 use crate::layout::store::Store;
 use crate::layout::{Content, Layout, Placement};
@@ -126,22 +126,7 @@ impl Batches {
             let node = batch.write(document, scene, layout, meshes, shared, &mut accessors);
             batch.placements.iter().for_each(|&at| node_of[at] = Some(node));
         }
-        if !self.list.is_empty() {
-            // "All glTF extensions required to load and/or render an asset MUST be listed in the top-level
-            // extensionsRequired array" (glTF 2.0, 3.12): without it one copy of many would be seen.
-            ["extensionsUsed", "extensionsRequired"].iter().for_each(|list| enlist(&mut document.json, list));
-        }
         node_of
-    }
-}
-
-/// Adds the extension to a list of names.
-fn enlist(json: &mut Value, list: &str) {
-    if !json[list].is_array() {
-        json[list] = json!([]);
-    }
-    if let Some(names) = json[list].as_array_mut().filter(|names| !names.iter().any(|name| name == INSTANCING)) {
-        names.push(INSTANCING.into());
     }
 }
 
@@ -166,16 +151,14 @@ fn candidates(document: &Document, scene: &Scene, layout: &Layout) -> Vec<(u32, 
 /// Whether the node of an instance can do without its mesh.
 fn may_move(document: &Document, scene: &Scene, instance: InstanceId) -> bool {
     let instance = &scene.instances[instance.0 as usize];
-    let node = &document.json["nodes"][instance.node as usize];
-    let copied = node["extensions"].get(INSTANCING).is_some();
-    instance.pinned.is_none() && !copied && node.get("extras").is_none_or(Value::is_object)
+    instance.pinned.is_none() && !scene.is_copied(instance.node) && document.has_room_for_record(instance.node as usize)
 }
 
 /// Whether a mesh that is kept has points or lines, whose error is not known.
 fn has_more(document: &Document, scene: &Scene, content: &Content) -> bool {
     let Content::Kept(mesh) = content else { return false };
     let mesh = &scene.meshes[mesh.0 as usize];
-    document.json["meshes"][mesh.source as usize]["primitives"].as_array().map(Vec::len) != Some(mesh.geometries.len())
+    document.primitive_count(mesh.source as usize) != mesh.geometries.len()
 }
 
 impl Batch {
@@ -218,23 +201,22 @@ impl Batch {
         shared: &mut Shared,
         accessors: &mut Accessors,
     ) -> usize {
-        let group = &layout.groups[self.group as usize];
-        let at = DAffine3::from_translation(self.center);
-        let node = push_root(document, &group.name, meshes[self.group as usize], &at);
-        let mut attributes = Map::new();
-        let mut attribute = |name: &str, components: usize, data: Vec<u8>| {
-            attributes.insert(name.into(), accessors.floats(document, components, data).into());
+        let is_turned = self.copies.iter().any(|c| c.rotation != NO_ROTATION);
+        let is_scaled = self.copies.iter().any(|c| c.scale != NO_SCALE);
+        let mut floats = |components, data| accessors.floats(document, components, data);
+        let copies = CopyAttributes {
+            translation: floats(3, bytes(&self.copies, |c| c.translation)),
+            rotation: is_turned.then(|| floats(4, bytes(&self.copies, |c| c.rotation))),
+            scale: is_scaled.then(|| floats(3, bytes(&self.copies, |c| c.scale))),
         };
-        attribute("TRANSLATION", 3, bytes(&self.copies, |c| c.translation));
-        if self.copies.iter().any(|c| c.rotation != NO_ROTATION) {
-            attribute("ROTATION", 4, bytes(&self.copies, |c| c.rotation));
-        }
-        if self.copies.iter().any(|c| c.scale != NO_SCALE) {
-            attribute("SCALE", 3, bytes(&self.copies, |c| c.scale));
-        }
         let source = self.source(document, scene, layout, shared, accessors);
-        document.json["nodes"][node]["extensions"] = json!({ INSTANCING: { "attributes": attributes } });
-        document.json["nodes"][node]["extras"] = json!({ "raykiln": { "source": source } });
+        let node = document.add_root(&NewNode {
+            name: &layout.groups[self.group as usize].name,
+            mesh: meshes[self.group as usize],
+            transform: DAffine3::from_translation(self.center),
+        });
+        document.set_copies(node, &copies);
+        document.set_record(node, &NodeRecord { source: Some(source), ..NodeRecord::default() });
         node
     }
 
@@ -246,20 +228,19 @@ impl Batch {
         layout: &Layout,
         shared: &mut Shared,
         accessors: &mut Accessors,
-    ) -> Value {
+    ) -> SourceRecord {
         let instances: Vec<InstanceId> =
             self.placements.iter().filter_map(|&at| layout.placements[at].instance).collect();
         let nodes: Vec<u32> = instances.iter().map(|i| scene.instances[i.0 as usize].node).collect();
-        let mut source = json!({ "nodes": accessors.numbers(document, &nodes) });
+        let nodes = accessors.numbers(document, &nodes);
         let stand_in = |i: &InstanceId| scene.instances[i.0 as usize].stand_in.as_ref();
-        if let Some(first) = instances.iter().find_map(stand_in) {
-            let of: Vec<u32> = instances.iter().map(|&i| scene.document_mesh(i)).collect();
-            source["meshes"] = accessors.numbers(document, &of).into();
-            if let Some(order) = &first.order {
-                source["runs"] = shared.order(document, of[0], order).into();
-            }
-        }
-        source
+        let Some(first) = instances.iter().find_map(stand_in) else {
+            return SourceRecord::Copies { nodes, meshes: None, runs: None };
+        };
+        let of: Vec<u32> = instances.iter().map(|&i| scene.document_mesh(i)).collect();
+        let meshes = Some(accessors.numbers(document, &of));
+        let runs = first.order.as_ref().map(|order| shared.order(document, of[0], order));
+        SourceRecord::Copies { nodes, meshes, runs }
     }
 }
 
@@ -312,7 +293,7 @@ impl Accessors {
 
     fn of(&mut self, document: &mut Document, element: Element, data: Vec<u8>) -> usize {
         let new = NewAccessor { data: data.clone(), element, target: Target::Other, bounds: false };
-        *self.0.entry((element, data)).or_insert_with(|| document.push_accessor(new))
+        *self.0.entry((element, data)).or_insert_with(|| document.add_accessor(new))
     }
 }
 

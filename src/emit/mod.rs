@@ -18,8 +18,6 @@ mod gather;
 mod instancing;
 mod nodes;
 mod precision;
-mod primitive;
-mod prune;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -29,6 +27,7 @@ pub use instancing::{Copied, Instancing};
 pub use precision::{Refuse, Settled, settle};
 
 use raykiln_formats::Document;
+use raykiln_formats::edit::CannotPrune;
 use rayon::prelude::*;
 
 use crate::layout::{Content, Layout, Placement};
@@ -83,23 +82,48 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -
 
     let mut document = doc.clone();
     let mut notes = Vec::new();
-    primitive::forget_sources(&mut document);
-    primitive::mark_untouched(&mut document, scene);
+    document.forget_node_sources();
+    mark_untouched(&mut document, scene);
     let meshes: Vec<usize> = layout
         .groups
         .iter()
         .zip(gathered)
         .map(|(group, gathered)| match (gathered, &group.content) {
-            (Some(gathered), _) => primitive::push_mesh(&mut document, &group.name, gathered),
+            (Some(gathered), _) => document.add_mesh(&group.name, gathered.primitives),
             (None, Content::Kept(mesh)) => scene.meshes[mesh.0 as usize].source as usize,
             (None, _) => unreachable!("only kept meshes are not gathered"),
         })
         .collect();
     nodes::place(&mut document, scene, layout, &meshes, &batches);
-    let pruned_nodes = if options.prune { prune::drop_empty_nodes(&mut document, scene.nodes, &mut notes) } else { 0 };
+    let pruned_nodes = if options.prune { prune(&mut document, scene, &mut notes) } else { 0 };
     if let Some(extension) = document.compact().held_by {
         notes.push(format!("unused data stays in the file: the extension {extension} may refer to it"));
     }
     document.forget_extensions_gone_since(doc);
     Emitted { document, position_error, copied: batches.copied, pruned_nodes, notes }
+}
+
+/// Records on every primitive of the scene that it is the input's primitive. Those that a layout rewrites vanish
+/// with their mesh; the others keep the record when meshes are renumbered.
+fn mark_untouched(document: &mut Document, scene: &Scene) {
+    for mesh in &scene.meshes {
+        for geometry in &mesh.geometries {
+            document.set_primitive_source(mesh.source as usize, geometry.primitive as usize);
+        }
+    }
+}
+
+/// Drops empty nodes; returns how many went, and notes why if none could.
+fn prune(document: &mut Document, scene: &Scene, notes: &mut Vec<String>) -> usize {
+    document.drop_empty_nodes(scene.nodes).unwrap_or_else(|cause| {
+        notes.push(match cause {
+            CannotPrune::Extension(extension) => {
+                format!("no node was pruned: the extension {extension} may refer to it")
+            }
+            CannotPrune::NoRoom => {
+                "no node was pruned: the extras of a node leave no room to record its old number".into()
+            }
+        });
+        0
+    })
 }

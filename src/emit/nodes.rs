@@ -2,16 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DAffine3, DMat3, DMat4, DVec3};
+use glam::DAffine3;
 use raykiln_formats::Document;
-use serde_json::{Map, Value, json};
+use raykiln_formats::edit::{NewNode, NodeRecord, SourceRecord};
 
 use super::instancing::Batches;
-use super::primitive::{push, push_runs, raykiln_extras, remove_key};
 use crate::layout::{Content, Layout};
 use crate::scene::{InstanceId, Scene, StandIn, TriangleOrder};
-
-pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// What becomes of a node of the input whose mesh does not stay.
 #[derive(Default)]
@@ -38,7 +35,7 @@ pub(super) struct Shared {
 impl Shared {
     /// The accessor that tells which triangles of a mesh of the document those of its stand-in are.
     pub(super) fn order(&mut self, document: &mut Document, mesh: u32, order: &TriangleOrder) -> usize {
-        *self.orders.entry(mesh).or_insert_with(|| push_runs(document, order.runs().as_flattened()))
+        *self.orders.entry(mesh).or_insert_with(|| document.add_scalars(order.runs().as_flattened()))
     }
 }
 
@@ -66,7 +63,8 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
                 }
             }
             (content, _) => {
-                let node = push_root(document, &group.name, mesh, &placement.transform);
+                let new = NewNode { name: &group.name, mesh, transform: placement.transform };
+                let node = document.add_root(&new);
                 note_moves(scene, content, node, &mut changes);
             }
         }
@@ -84,32 +82,6 @@ fn change_of<'a, 'c>(
 ) -> &'c mut Change<'a> {
     let node = scene.instances[instance.0 as usize].node;
     changes.entry(node).or_insert_with(|| Change { mesh: scene.document_mesh(instance), ..Change::default() })
-}
-
-/// Adds a root node to the default scene; returns its index.
-pub(super) fn push_root(document: &mut Document, name: &str, mesh: usize, transform: &DAffine3) -> usize {
-    let mut node = Map::new();
-    if !name.is_empty() {
-        node.insert("name".into(), name.into());
-    }
-    node.insert("mesh".into(), mesh.into());
-    insert_transform(&mut node, transform);
-    let index = push(&mut document.json, "nodes", node.into());
-    let shown = document.json["scene"].as_u64().unwrap_or(0) as usize;
-    // Without scenes every node without a parent is shown.
-    if let Some(scene) = document.json.get_mut("scenes").and_then(|s| s.get_mut(shown)) {
-        push(scene, "nodes", index.into());
-    }
-    index
-}
-
-/// Gives a node its transform; the identity needs none.
-fn insert_transform(node: &mut Map<String, Value>, transform: &DAffine3) {
-    if transform.matrix3 != DMat3::IDENTITY {
-        node.insert("matrix".into(), json!(DMat4::from(*transform).to_cols_array()));
-    } else if transform.translation != DVec3::ZERO {
-        node.insert("translation".into(), json!(transform.translation.to_array()));
-    }
 }
 
 /// Records for every node with triangles in a baked group that `node` shows them now.
@@ -136,7 +108,7 @@ fn rewrite(
     shared: &mut Shared,
 ) {
     let remainder =
-        *shared.remainders.entry(change.mesh).or_insert_with(|| push_remainder(document, change.mesh as usize));
+        *shared.remainders.entry(change.mesh).or_insert_with(|| document.add_points_and_lines_of(change.mesh as usize));
     let source = source(document, node, &change, shared);
     let replaced = match (change.pieces.as_slice(), remainder) {
         (_, Some(points_and_lines)) => Some(points_and_lines),
@@ -147,98 +119,38 @@ fn rewrite(
     };
     let in_place = remainder.is_none() && replaced.is_some();
     if !in_place {
+        let name_of_copy = change.stand_in.map(|_| document.mesh_name(change.mesh as usize).to_owned());
         for &piece in &change.pieces {
-            let name = match change.stand_in {
-                Some(_) => document.json["meshes"][change.mesh as usize]["name"].as_str().unwrap_or("").to_owned(),
-                None => layout.groups[piece as usize].name.clone(),
-            };
-            let frame = layout.groups[piece as usize].content.piece_frame();
-            let transform = change.stand_in.map_or(frame, |s| s.motion * frame);
-            let child = child(document, node, &name, meshes[piece as usize], &transform, &source);
-            change.moved_to.push(push_child(document, node, child));
+            let group = &layout.groups[piece as usize];
+            let frame = group.content.piece_frame();
+            let child = document.add_child(
+                node,
+                &NewNode {
+                    name: name_of_copy.as_ref().unwrap_or(&group.name),
+                    mesh: meshes[piece as usize],
+                    transform: change.stand_in.map_or(frame, |s| s.motion * frame),
+                },
+            );
+            document.set_record(child, &NodeRecord { source: Some(source), ..NodeRecord::default() });
+            change.moved_to.push(child);
         }
     }
-    set_mesh(&mut document.json["nodes"][node], replaced);
-    let placed = describe(&document.json["meshes"][change.mesh as usize]);
-    if let Some(extras) = raykiln_extras(&mut document.json["nodes"][node]) {
-        extras.clear();
-        if !change.moved_to.is_empty() {
-            extras.insert("moved_to".into(), json!(change.moved_to));
-        }
-        extras.insert("mesh".into(), placed);
-        if in_place && change.stand_in.is_some() {
-            extras.insert("source".into(), source);
-        }
-    }
+    document.set_mesh(node, replaced);
+    let source = (in_place && change.stand_in.is_some()).then_some(source);
+    let record = NodeRecord { moved_to: change.moved_to, placed_mesh: Some(change.mesh as usize), source };
+    document.set_record(node, &record);
 }
 
 /// What nodes that show the triangles of a node stand for.
-fn source(document: &mut Document, node: usize, change: &Change, shared: &mut Shared) -> Value {
-    let mut source = json!({ "node": node });
-    if let Some(stand_in) = change.stand_in {
-        source["mesh"] = change.mesh.into();
-        if let Some(order) = &stand_in.order {
-            source["runs"] = shared.order(document, change.mesh, order).into();
-        }
-    }
-    source
+fn source(document: &mut Document, node: usize, change: &Change, shared: &mut Shared) -> SourceRecord {
+    let Some(stand_in) = change.stand_in else { return SourceRecord::Node { node, mesh: None, runs: None } };
+    let runs = stand_in.order.as_ref().map(|order| shared.order(document, change.mesh, order));
+    SourceRecord::Node { node, mesh: Some(change.mesh as usize), runs }
 }
 
 /// Whether a node can place what stands in for its mesh itself: nothing moves, and there is room to record it.
 fn fits_in_place(document: &Document, layout: &Layout, node: usize, change: &Change) -> bool {
-    let extras = document.json["nodes"][node].get("extras");
     let turns = |&piece: &u32| layout.groups[piece as usize].content.piece_frame() != DAffine3::IDENTITY;
     !change.pieces.iter().any(turns)
-        && change.stand_in.is_none_or(|s| s.motion == DAffine3::IDENTITY && extras.is_none_or(Value::is_object))
-}
-
-/// A mesh of the primitives that are no triangles, if there are any.
-fn push_remainder(document: &mut Document, mesh: usize) -> Option<usize> {
-    let mut rest = document.json["meshes"][mesh].clone();
-    let is_surface = |p: &Value| matches!(p["mode"].as_u64(), None | Some(4..=6));
-    rest["primitives"].as_array_mut()?.retain(|p| !is_surface(p));
-    let empty = rest["primitives"].as_array()?.is_empty();
-    (!empty).then(|| push(&mut document.json, "meshes", rest))
-}
-
-/// A node that places a piece of the mesh of a node, or what stands in for it.
-fn child(document: &Document, of: usize, name: &str, mesh: usize, transform: &DAffine3, source: &Value) -> Value {
-    let mut child = Map::new();
-    if !name.is_empty() {
-        child.insert("name".into(), name.into());
-    }
-    child.insert("mesh".into(), mesh.into());
-    insert_transform(&mut child, transform);
-    if let Some(copies) = document.json["nodes"][of]["extensions"].get(INSTANCING) {
-        child.insert("extensions".into(), json!({ INSTANCING: copies }));
-    }
-    child.insert("extras".into(), json!({ "raykiln": { "source": source } }));
-    child.into()
-}
-
-/// Hangs a node under another; returns its index.
-fn push_child(document: &mut Document, of: usize, child: Value) -> usize {
-    let index = push(&mut document.json, "nodes", child);
-    push(&mut document.json["nodes"][of], "children", index.into());
-    index
-}
-
-/// Sets or takes off the mesh of a node; without a mesh it needs no copies either.
-fn set_mesh(node: &mut Value, mesh: Option<usize>) {
-    let Some(node) = node.as_object_mut() else { return };
-    match mesh {
-        Some(mesh) => {
-            node.insert("mesh".into(), mesh.into());
-        }
-        None => {
-            node.shift_remove("mesh");
-            remove_key(node, "extensions", INSTANCING);
-        }
-    }
-}
-
-/// Name and extras of a mesh that its nodes no longer place.
-fn describe(mesh: &Value) -> Value {
-    let kept = ["name", "extras"].into_iter().filter_map(|key| Some((key.to_owned(), mesh.get(key)?.clone())));
-    Value::from(Map::from_iter(kept))
+        && change.stand_in.is_none_or(|s| s.motion == DAffine3::IDENTITY && document.has_room_for_record(node))
 }

@@ -15,7 +15,7 @@ const MAX_ZEROS: usize = 1 << 16;
 
 /// An accessor whose every element lies within its buffer.
 #[derive(Clone)]
-pub(super) struct Accessor<'d> {
+pub(crate) struct Accessor<'d> {
     /// `SCALAR`, `VEC3`, ...
     pub(super) kind: &'d str,
     /// The type of its elements; of matrices the components without padding between columns.
@@ -54,7 +54,7 @@ impl<'d> Accessor<'d> {
     }
 
     /// Reads and checks accessor `index`.
-    pub(super) fn read(doc: &'d Document, index: usize) -> Result<Self, Error> {
+    pub(crate) fn read(doc: &'d Document, index: usize) -> Result<Self, Error> {
         let root = At::root(doc);
         let list = root.need("accessors")?;
         let at = list.element(index).ok_or_else(|| list.error(format_args!("there is no accessor {index}")))?;
@@ -98,6 +98,11 @@ impl<'d> Accessor<'d> {
     /// Bytes from the first byte of the first element to the last of the last; 0 without a buffer view.
     pub(super) fn stored_bytes(&self) -> usize {
         self.data.map_or(0, <[u8]>::len)
+    }
+
+    /// Bytes of all elements, tightly packed.
+    pub(crate) fn tight_bytes(&self) -> usize {
+        self.count * element_size(self.kind, self.element)
     }
 
     /// The elements as unsigned integers, where this is a SCALAR accessor of them.

@@ -6,7 +6,8 @@ use super::cut::cut_views;
 use super::edit::{array, each_primitive};
 use super::extensions;
 use super::json::unsigned;
-use crate::document::{Compacted, Document};
+use crate::document::Document;
+use crate::edit::Compacted;
 use crate::extension_names::{EXT_MESH_GPU_INSTANCING, KHR_DRACO_MESH_COMPRESSION};
 
 /// Calls a function with every reference to the elements of one top-level list.

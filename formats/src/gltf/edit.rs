@@ -1,12 +1,13 @@
-//! Changes to a document.
+//! What changes to the JSON of a document are made of.
 
 use bytes::Bytes;
 use serde_json::{Map, Number, Value, json};
 
-use crate::document::{Component, Document, Element, NewAccessor, Target};
+use crate::document::{Component, Document, Element};
+use crate::edit::{NewAccessor, Target};
 
 /// The elements of an array property; none if it is absent or no array.
-pub(super) fn array<'v>(object: &'v mut Value, key: &str) -> std::slice::IterMut<'v, Value> {
+pub(crate) fn array<'v>(object: &'v mut Value, key: &str) -> std::slice::IterMut<'v, Value> {
     object.get_mut(key).and_then(Value::as_array_mut).map(|list| list.iter_mut()).unwrap_or_default()
 }
 
@@ -18,7 +19,7 @@ pub(super) fn each_primitive(json: &mut Value, mut change: impl FnMut(&mut Value
 }
 
 /// Appends to a top-level list, which is made if it is absent; returns the new element's index.
-pub(super) fn push(json: &mut Value, list: &str, item: Value) -> usize {
+pub(crate) fn push(json: &mut Value, list: &str, item: Value) -> usize {
     if !json.is_object() {
         *json = Value::Object(Map::new());
     }
@@ -26,7 +27,7 @@ pub(super) fn push(json: &mut Value, list: &str, item: Value) -> usize {
 }
 
 /// Appends to a list, which is made of whatever else was there; returns the new element's index.
-pub(super) fn append(list: &mut Value, item: Value) -> usize {
+pub(crate) fn append(list: &mut Value, item: Value) -> usize {
     match list.as_array_mut() {
         Some(all) => {
             all.push(item);
@@ -39,7 +40,17 @@ pub(super) fn append(list: &mut Value, item: Value) -> usize {
     }
 }
 
-pub(crate) fn push_accessor(doc: &mut Document, new: NewAccessor) -> usize {
+/// Removes a key of a nested object, and the object where nothing is left in it.
+pub(crate) fn remove_key(object: &mut Map<String, Value>, outer: &str, key: &str) -> Option<Value> {
+    let inner = object.get_mut(outer)?.as_object_mut()?;
+    let removed = inner.shift_remove(key);
+    if inner.is_empty() {
+        object.shift_remove(outer);
+    }
+    removed
+}
+
+pub(crate) fn add_accessor(doc: &mut Document, new: NewAccessor) -> usize {
     let NewAccessor { data, element, target, bounds } = new;
     let bounds = bounds.then(|| min_max(&data, element)).flatten();
     let count = data.len() / element.size();

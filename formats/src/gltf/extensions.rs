@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
+use super::edit::remove_key;
 use super::json::At;
 use crate::Error;
 use crate::extension_names::*;
@@ -108,14 +109,9 @@ fn points_to_renumbered(pointer: &Value) -> bool {
     pointer.as_str().is_some_and(|p| lists.iter().any(|list| p.starts_with(list)))
 }
 
-/// Removes a property of an object's `extensions`, and `extensions` itself when nothing is left in it.
+/// Removes an extension of an object, and `extensions` itself when nothing is left in it.
 pub(super) fn remove(object: &mut Value, name: &str) -> Option<Value> {
-    let extensions = object.get_mut("extensions")?.as_object_mut()?;
-    let removed = extensions.shift_remove(name);
-    if extensions.is_empty() {
-        object.as_object_mut()?.shift_remove("extensions");
-    }
-    removed
+    remove_key(object.as_object_mut()?, "extensions", name)
 }
 
 /// Forgets the extensions of which `input` has objects and `json` has none left.

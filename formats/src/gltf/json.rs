@@ -195,7 +195,7 @@ impl fmt::Display for Short<'_> {
 }
 
 /// A JSON number as an unsigned integer; `3.0` counts as 3.
-pub(super) fn unsigned(value: &Value) -> Option<usize> {
+pub(crate) fn unsigned(value: &Value) -> Option<usize> {
     const EXACT: f64 = 9_007_199_254_740_992.0; // 2^53
     if let Some(n) = value.as_u64() {
         return usize::try_from(n).ok();

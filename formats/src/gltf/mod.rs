@@ -1,6 +1,6 @@
 //! glTF 2.0 and GLB.
 
-mod accessor;
+pub(crate) mod accessor;
 pub(crate) mod alpha;
 mod animation;
 pub(crate) mod attributes;
@@ -11,7 +11,7 @@ mod cut;
 pub(crate) mod edit;
 pub(crate) mod extensions;
 mod images;
-mod json;
+pub(crate) mod json;
 mod merge_key;
 mod node;
 mod pack;

@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 
 use raykiln_formats::Document;
-use raykiln_formats::document::{Component, Element, NewAccessor, Target};
+use raykiln_formats::document::{Component, Element};
+use raykiln_formats::edit::{NewAccessor, Target};
 use serde_json::{Value, json};
 
 use crate::support::{contents, document, floats, refusal, shorts, triangle, triangle_bytes, triangle_json, triangles};
@@ -172,12 +173,8 @@ fn attributes_of_what_is_not_there_are_none() {
 #[test]
 fn scalars_are_read_where_sound() {
     let mut doc = triangle();
-    let index = doc.push_accessor(NewAccessor {
-        data: shorts(&[5, 65535]),
-        element: U16,
-        target: Target::Other,
-        bounds: false,
-    });
+    let index =
+        doc.add_accessor(NewAccessor { data: shorts(&[5, 65535]), element: U16, target: Target::Other, bounds: false });
     assert_eq!(doc.scalars(index), Some(vec![5, 65535]));
     assert_eq!(doc.scalars(0), None);
     assert_eq!(doc.scalars(9), None);
@@ -187,7 +184,7 @@ fn scalars_are_read_where_sound() {
 fn a_new_accessor_carries_exact_bounds() {
     let mut doc = document(json!({ "asset": { "version": "2.0" } }), &[]);
     let data = floats(&[0.1, -0.0, 1e30, -0.3, 1e-30, 16_777_217.0]);
-    let index = doc.push_accessor(NewAccessor { data, element: VEC3, target: Target::Vertices, bounds: true });
+    let index = doc.add_accessor(NewAccessor { data, element: VEC3, target: Target::Vertices, bounds: true });
     let text = doc.json.to_string();
     let json: Value = serde_json::from_str(&text).unwrap();
     let bound = |key: &str| -> Vec<f32> {
@@ -203,7 +200,7 @@ fn bounds_of_integers_are_integers() {
     let mut doc = document(json!({}), &[]);
     let element = Element { component: Component::I8, components: 2, normalized: true };
     let data = vec![0x80, 3, 5, 0xFF];
-    doc.push_accessor(NewAccessor { data, element, target: Target::Vertices, bounds: true });
+    doc.add_accessor(NewAccessor { data, element, target: Target::Vertices, bounds: true });
     let accessor = &doc.json["accessors"][0];
     assert_eq!(
         accessor.to_string(),
@@ -215,13 +212,13 @@ fn bounds_of_integers_are_integers() {
 fn vertices_are_padded_to_four_bytes_and_indices_are_not() {
     let mut doc = triangle();
     let element = Element { component: Component::U8, components: 3, normalized: true };
-    let vertices = doc.push_accessor(NewAccessor {
+    let vertices = doc.add_accessor(NewAccessor {
         data: vec![1, 2, 3, 4, 5, 6, 7, 8, 9],
         element,
         target: Target::Vertices,
         bounds: false,
     });
-    let indices = doc.push_accessor(NewAccessor {
+    let indices = doc.add_accessor(NewAccessor {
         data: shorts(&[0, 1, 2]),
         element: U16,
         target: Target::Indices,

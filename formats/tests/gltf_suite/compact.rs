@@ -1,7 +1,7 @@
 //! Removal of what nothing refers to.
 
 use raykiln_formats::Document;
-use raykiln_formats::document::Compacted;
+use raykiln_formats::edit::Compacted;
 use serde_json::{Value, json};
 
 use crate::support::{contents, document, floats, triangle_bytes, triangle_json};

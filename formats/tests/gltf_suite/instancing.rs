@@ -2,7 +2,8 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use raykiln_formats::Document;
-use raykiln_formats::document::{Component, Element, NewAccessor, Target};
+use raykiln_formats::document::{Component, Element};
+use raykiln_formats::edit::{NewAccessor, Target};
 use serde_json::json;
 
 use crate::support::{contents, floats, refusal, triangle};
@@ -16,7 +17,7 @@ fn copies(attributes: &[(&str, Component, usize, Vec<u8>)]) -> Document {
     for (name, component, components, data) in attributes {
         let element = Element { component: *component, components: *components, normalized: *component != F32 };
         let new = NewAccessor { data: data.clone(), element, target: Target::Vertices, bounds: false };
-        let index = doc.push_accessor(new);
+        let index = doc.add_accessor(new);
         doc.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"][*name] = index.into();
     }
     doc

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use raykiln_formats::document::{Component, Element, Kind, NewAccessor, Target};
+use raykiln_formats::document::{Component, Element, Kind};
+use raykiln_formats::edit::{NewAccessor, Target};
 use raykiln_formats::{Document, read};
 use serde_json::{Value, json};
 
@@ -80,7 +81,7 @@ fn outputs_pass_the_checks_of_the_gltf_crate() {
 fn a_glb_is_padded_to_four_bytes_everywhere() {
     let mut doc = triangle();
     let element = Element { component: Component::U8, components: 1, normalized: false };
-    doc.push_accessor(NewAccessor { data: vec![0, 1, 2], element, target: Target::Indices, bounds: false });
+    doc.add_accessor(NewAccessor { data: vec![0, 1, 2], element, target: Target::Indices, bounds: false });
     for extra in 0..4 {
         doc.json["asset"]["extras"] = "x".repeat(extra).into();
         let folder = folder(&[]);

@@ -2,7 +2,8 @@
 
 use raykiln_formats::Document;
 use raykiln_formats::contents::{CopyOf, NodeSource, Provenance, Source, TriangleOrder};
-use raykiln_formats::document::{Component, Element, NewAccessor, Target};
+use raykiln_formats::document::{Component, Element};
+use raykiln_formats::edit::{NewAccessor, Target};
 use serde_json::{Value, json};
 
 use crate::support::{contents, primitive, square, triangle, words};
@@ -67,7 +68,7 @@ fn merge_keys_ignore_provenance_and_draco() {
 fn recorded(raykiln: Value, runs: &[u32]) -> Document {
     let mut doc = triangle();
     let element = Element { component: Component::U32, components: 1, normalized: false };
-    doc.push_accessor(NewAccessor { data: words(runs), element, target: Target::Other, bounds: false });
+    doc.add_accessor(NewAccessor { data: words(runs), element, target: Target::Other, bounds: false });
     doc.json["meshes"][0]["primitives"][0]["extras"] = json!({ "raykiln": raykiln });
     doc
 }

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::time::Instant;
 
 use raykiln_formats::Document;
-use serde_json::Value;
 
 use super::BakeOptions;
 use super::turned::{self, Class};
@@ -199,31 +198,8 @@ fn without(doc: &Document, scene: &Scene, found: &Copies, classes: &[Class], max
 
 /// Bytes of the accessors that only the copies' meshes use.
 fn stored_bytes(doc: &Document, scene: &Scene, found: &Copies) -> u64 {
-    let copies: BTreeSet<u64> = found.list.iter().map(|c| u64::from(scene.meshes[c.mesh.0 as usize].source)).collect();
-    let (mut dropped, mut kept) = (BTreeSet::new(), BTreeSet::new());
-    for (mesh, number) in doc.json["meshes"].as_array().into_iter().flatten().zip(0..) {
-        let users = if copies.contains(&number) { &mut dropped } else { &mut kept };
-        for primitive in mesh["primitives"].as_array().into_iter().flatten() {
-            let attributes = primitive["attributes"].as_object().into_iter().flat_map(|a| a.values());
-            users.extend(attributes.chain(primitive.get("indices")).filter_map(Value::as_u64));
-        }
-    }
-    dropped.difference(&kept).map(|&accessor| accessor_bytes(&doc.json["accessors"][accessor as usize])).sum()
-}
-
-fn accessor_bytes(accessor: &Value) -> u64 {
-    let components = match accessor["type"].as_str() {
-        Some("SCALAR") => 1,
-        Some("VEC2") => 2,
-        Some("VEC3") => 3,
-        _ => 4,
-    };
-    let size = match accessor["componentType"].as_u64() {
-        Some(5120 | 5121) => 1,
-        Some(5122 | 5123) => 2,
-        _ => 4,
-    };
-    accessor["count"].as_u64().unwrap_or(0).saturating_mul(components * size)
+    let source = |copy: &CopiedMesh| scene.meshes[copy.mesh.0 as usize].source as usize;
+    doc.bytes_used_only_by(&found.list.iter().map(source).collect())
 }
 
 #[cfg(test)]

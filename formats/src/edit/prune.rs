@@ -1,53 +1,64 @@
-//! `--prune`: drops nodes that show nothing and that nothing refers to.
+//! Pruning: drops nodes that show nothing and that nothing refers to.
 
-use raykiln_formats::Document;
 use serde_json::{Value, json};
 
-use super::primitive::raykiln_extras;
+use super::record::{has_room, raykiln_extras};
+use crate::Document;
+use crate::extension_names::{
+    EXT_MESH_GPU_INSTANCING, KHR_DRACO_MESH_COMPRESSION, KHR_LIGHTS_PUNCTUAL, KHR_MATERIALS, KHR_MESH_QUANTIZATION,
+};
+use crate::gltf::edit::array;
 
-/// Extensions of a document that refer to no node from outside the nodes.
-const NODE_FREE: [&str; 4] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_mesh_quantization"];
-
-/// Drops nodes without mesh, camera, skin, extension or remaining child that no animation and no skin refers to, and
-/// renumbers the rest; of the first `input_nodes`, those that place a mesh then say which node of the input they are.
-/// Returns how many went; none where an extension may refer to nodes in ways unknown here.
-pub(super) fn drop_empty_nodes(document: &mut Document, input_nodes: usize, notes: &mut Vec<String>) -> usize {
-    if let Some(extension) = node_referring_extension(&document.json) {
-        notes.push(format!("no node was pruned: the extension {extension} may refer to it"));
-        return 0;
-    }
-    if !elements(&mut document.json, "nodes").all(|node| can_be_recorded(node)) {
-        notes.push("no node was pruned: the extras of a node leave no room to record its old number".into());
-        return 0;
-    }
-    let needed = needed(&document.json);
-    let mut next = 0;
-    let mut number = || {
-        next += 1;
-        next - 1
-    };
-    let renumbered: Vec<Option<usize>> = needed.iter().map(|&keep| keep.then(&mut number)).collect();
-    let pruned = needed.len() - next;
-    if pruned > 0 {
-        record_numbers(&mut document.json, &renumbered[..input_nodes.min(renumbered.len())]);
-        renumber(&mut document.json, &renumbered);
-    }
-    pruned
+/// Why no node of a document can be dropped.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum CannotPrune {
+    /// This extension may refer to nodes in ways not known here.
+    Extension(String),
+    /// The extras of a node leave no room to record its old number.
+    NoRoom,
 }
 
-/// Whether a node's extras have room for what the program says of it.
-fn can_be_recorded(node: &Value) -> bool {
-    let is_free = |value: Option<&Value>| value.is_none_or(Value::is_object);
-    let extras = node.get("extras");
-    is_free(extras) && is_free(extras.and_then(|extras| extras.get("raykiln")))
+/// Extensions of a document that refer to no node from outside the nodes.
+const NODE_FREE: [&str; 3] = [EXT_MESH_GPU_INSTANCING, KHR_DRACO_MESH_COMPRESSION, KHR_LIGHTS_PUNCTUAL];
+
+/// What the names of further ones begin with.
+const NODE_FREE_PREFIXES: [&str; 4] = [KHR_MATERIALS, "KHR_texture_", "EXT_texture_", KHR_MESH_QUANTIZATION];
+
+impl Document {
+    /// Drops nodes without mesh, camera, skin, extension or remaining child that no animation and no skin refers to, and
+    /// renumbers the rest; of the first `input_nodes`, those that place a mesh then record which node of the input they
+    /// are. Returns the number of nodes dropped.
+    ///
+    /// # Errors
+    /// Why no node can be dropped.
+    pub fn drop_empty_nodes(&mut self, input_nodes: usize) -> Result<usize, CannotPrune> {
+        if let Some(extension) = node_referring_extension(&self.json) {
+            return Err(CannotPrune::Extension(extension));
+        }
+        if !array(&mut self.json, "nodes").all(|node| has_room(node)) {
+            return Err(CannotPrune::NoRoom);
+        }
+        let needed = needed(&self.json);
+        let mut next = 0;
+        let mut number = || {
+            next += 1;
+            next - 1
+        };
+        let renumbered: Vec<Option<usize>> = needed.iter().map(|&keep| keep.then(&mut number)).collect();
+        let pruned = needed.len() - next;
+        if pruned > 0 {
+            record_numbers(&mut self.json, &renumbered[..input_nodes.min(renumbered.len())]);
+            renumber(&mut self.json, &renumbered);
+        }
+        Ok(pruned)
+    }
 }
 
 fn node_referring_extension(json: &Value) -> Option<String> {
-    let known = ["KHR_lights_punctual", "EXT_mesh_gpu_instancing", "KHR_draco_mesh_compression"];
     let used = json["extensionsUsed"].as_array()?.iter().filter_map(Value::as_str);
-    used.filter(|e| !known.contains(e) && !NODE_FREE.iter().any(|prefix| e.starts_with(prefix)))
-        .map(str::to_owned)
-        .next()
+    let is_node_free =
+        |e: &&str| NODE_FREE.contains(e) || NODE_FREE_PREFIXES.iter().any(|prefix| e.starts_with(prefix));
+    used.filter(|e| !is_node_free(e)).map(str::to_owned).next()
 }
 
 /// For each node whether it must stay: it shows something, something refers to it, or a node below must stay.
@@ -95,7 +106,7 @@ fn indices(list: &Value) -> impl Iterator<Item = usize> {
 
 /// Records the present number of nodes that will have another one and that place a mesh.
 fn record_numbers(json: &mut Value, renumbered: &[Option<usize>]) {
-    for (old, (node, new)) in elements(json, "nodes").zip(renumbered).enumerate() {
+    for (old, (node, new)) in array(json, "nodes").zip(renumbered).enumerate() {
         let moves = new.is_some_and(|new| new != old) && node.get("mesh").is_some();
         if let Some(raykiln) = moves.then(|| raykiln_extras(node)).flatten() {
             // A node that places a copy says of which mesh, too.
@@ -105,11 +116,6 @@ fn record_numbers(json: &mut Value, renumbered: &[Option<usize>]) {
             }
         }
     }
-}
-
-/// The elements of an array property, if it is there.
-fn elements<'a>(owner: &'a mut Value, key: &str) -> impl Iterator<Item = &'a mut Value> {
-    owner.get_mut(key).and_then(Value::as_array_mut).into_iter().flatten()
 }
 
 /// Gives every reference to a node its new number and drops those to nodes that went.
@@ -134,21 +140,21 @@ fn renumber(json: &mut Value, renumbered: &[Option<usize>]) {
     if let Some(nodes) = json.get_mut("nodes").and_then(Value::as_array_mut) {
         nodes.retain(|_| keep.next().unwrap_or(true));
     }
-    for node in elements(json, "nodes") {
+    for node in array(json, "nodes") {
         renumber_list(node, "children");
         if let Some(raykiln) = node.get_mut("extras").and_then(|e| e.get_mut("raykiln")) {
             renumber_list(raykiln, "moved_to");
         }
     }
-    for scene in elements(json, "scenes") {
+    for scene in array(json, "scenes") {
         renumber_list(scene, "nodes");
     }
-    for skin in elements(json, "skins") {
+    for skin in array(json, "skins") {
         renumber_list(skin, "joints");
         renumber_one(skin, "skeleton");
     }
-    for animation in elements(json, "animations") {
-        for channel in elements(animation, "channels") {
+    for animation in array(json, "animations") {
+        for channel in array(animation, "channels") {
             if let Some(target) = channel.get_mut("target") {
                 renumber_one(target, "node");
             }
