@@ -22,6 +22,7 @@ mod mutations;
 mod reports;
 mod roundtrip;
 mod samples;
+mod second_reader;
 mod store;
 mod validator;
 mod verify;
