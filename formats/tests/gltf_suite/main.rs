@@ -4,6 +4,7 @@ mod alpha;
 mod attributes;
 mod compact;
 mod damage;
+mod edit;
 mod hierarchy;
 mod instancing;
 mod memory;
