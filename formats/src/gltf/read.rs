@@ -218,7 +218,8 @@ fn check_fallback(root: &At<'_>, primitive: &At<'_>) -> Result<(), Error> {
     for index in attributes.chain(primitive.value.get("indices")) {
         let accessor = unsigned(index).and_then(|i| accessors?.element(i));
         if accessor.is_some_and(|at| at.get("bufferView").is_none() && at.get("sparse").is_none()) {
-            let cause = format_args!("{KHR_DRACO_MESH_COMPRESSION} has no uncompressed fallback here, and {COMPRESSED}");
+            let cause =
+                format_args!("{KHR_DRACO_MESH_COMPRESSION} has no uncompressed fallback here, and {COMPRESSED}");
             return Err(primitive.error(cause).unsupported());
         }
     }
