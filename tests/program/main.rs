@@ -3,6 +3,7 @@
 mod common;
 mod copies;
 
+mod arrows;
 mod auto;
 mod bad_input;
 mod cli;
