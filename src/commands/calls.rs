@@ -21,7 +21,7 @@ use crate::verify::VerifyOptions;
 /// # Errors
 /// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
 pub fn bake(input: impl AsRef<Path>, output: impl AsRef<Path>, options: &BakeOptions) -> Result<BakeReport, BakeError> {
-    let Baked { report, output } = stage(input.as_ref().into(), output.as_ref(), options, &mut |_| {})?;
+    let Baked { report, output } = staged(input.as_ref().into(), output.as_ref(), options)?;
     output.map(Staged::commit).transpose()?;
     Ok(report)
 }
@@ -50,7 +50,7 @@ pub fn bake_bytes(
     let temporary = env::temp_dir();
     let folder = Folder::new_in(&temporary).map_err(|e| Error::io(&temporary, "", &e))?;
     let source = Source::Bytes { name: name.as_ref().to_owned(), bytes: bytes.into() };
-    let Baked { report, output } = stage(source, &folder.path().join("baked.glb"), options, &mut |_| {})?;
+    let Baked { report, output } = staged(source, &folder.path().join("baked.glb"), options)?;
     let read = |staged: Staged| fs::read(staged.path()).map_err(|e| Error::io(staged.path(), "", &e));
     Ok(BakedBytes { report, glb: output.map(read).transpose()? })
 }
@@ -60,7 +60,8 @@ pub fn bake_bytes(
 /// # Errors
 /// An input that cannot be read.
 pub fn inspect(input: impl AsRef<Path>, options: &LoadOptions) -> Result<InspectReport, Error> {
-    look(input.as_ref().into(), options)
+    let source = input.as_ref().into();
+    in_pool(|| look(source, options))
 }
 
 /// Looks at the bytes of a file that refers to no other; `name` gives its extension and stands in messages.
@@ -72,7 +73,8 @@ pub fn inspect_bytes(
     bytes: impl Into<Vec<u8>>,
     options: &LoadOptions,
 ) -> Result<InspectReport, Error> {
-    look(Source::Bytes { name: name.as_ref().to_owned(), bytes: bytes.into() }, options)
+    let source = Source::Bytes { name: name.as_ref().to_owned(), bytes: bytes.into() };
+    in_pool(|| look(source, options))
 }
 
 /// Traces the same rays through the files `before` and `after` and compares what they hit and how fast they are; `by` says how
@@ -86,5 +88,16 @@ pub fn verify(
     by: MatchBy,
     options: &VerifyOptions,
 ) -> Result<VerifyReport, BakeError> {
-    compare(before.as_ref(), after.as_ref(), by, options)
+    let (before, after) = (before.as_ref(), after.as_ref());
+    in_pool(|| compare(before, after, by, options))
+}
+
+fn staged(source: Source, output: &Path, options: &BakeOptions) -> Result<Baked, BakeError> {
+    in_pool(|| stage(source, output, options, &mut |_| {}))
+}
+
+/// Runs a whole command inside the caller's thread pool, or the global one: a parallel loop that is started outside of it costs
+/// several system calls per piece of work.
+fn in_pool<R: Send>(command: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| command())
 }
