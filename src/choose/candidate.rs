@@ -131,7 +131,7 @@ impl Candidate {
         let as_bytes = built.as_bytes(scene);
         let largest_group = largest_group(scene, &built);
         let longest_group =
-            if plan.options.max_group_extent_ratio.is_some() { longest_group(scene, &built) } else { 0.0 };
+            if plan.options.cluster.max_group_extent_ratio.is_some() { longest_group(scene, &built) } else { 0.0 };
         Candidate {
             plan,
             laid,

@@ -3,7 +3,7 @@
 use super::bounds::Bounds;
 use super::candidate::Candidate;
 use super::plans::Effort;
-use crate::methods::{Method, PlanId};
+use crate::methods::PlanId;
 use crate::verify::weights::{Overall, Weights};
 
 /// A candidate that was only predicted must cost less than this share of the input to be worth a change.
@@ -30,7 +30,7 @@ pub(super) struct Decision {
 /// The candidates to be timed: the single BLAS and the best others by prediction, in their order.
 pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize> {
     let mut order: Vec<usize> = (0..candidates.len()).filter(|&i| !candidates[i].is_input()).collect();
-    let rank = |i: usize| (candidates[i].plan.method != Method::Single, candidates[i].sampled_cost);
+    let rank = |i: usize| (!candidates[i].plan.is_single(), candidates[i].sampled_cost);
     order.sort_by(|&a, &b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)).then(a.cmp(&b)));
     order.truncate(effort.measured().saturating_add(1));
     order.sort_unstable();
@@ -138,7 +138,7 @@ impl Choice<'_> {
 
     /// The single BLAS, where it may be taken.
     fn single(&self) -> Option<usize> {
-        (0..self.candidates.len()).find(|&i| self.candidates[i].plan.method == Method::Single && self.is_allowed(i))
+        (0..self.candidates.len()).find(|&i| self.candidates[i].plan.is_single() && self.is_allowed(i))
     }
 
     fn cheapest(&self) -> (usize, String) {
@@ -229,7 +229,7 @@ mod tests {
     use super::*;
     use crate::layout::BlasPer;
     use crate::layout::{Content, Group, Layout};
-    use crate::methods::Options;
+    use crate::methods::{Method, Options};
     use crate::verify::Lap;
     use crate::verify::speed::{KindSpeed, Kinds};
 

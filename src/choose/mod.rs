@@ -24,7 +24,7 @@ use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::BlasPer;
 use crate::layout::{self, Layout, PlacedTrees};
-use crate::methods::{self, Cache, Method, PlanId};
+use crate::methods::{self, Cache, Method, PartOptions, PlanId};
 use crate::report::{self, DecidedBy, MethodReport, Pass};
 use crate::scene::{Pinned, Scene};
 use crate::tree::Tree;
@@ -98,7 +98,7 @@ impl ChooseOptions {
     /// Predicted bytes of acceleration structures allowed over the input's; `None`: any.
     pub fn max_bytes_ratio(&self) -> Option<f64> {
         let of_auto = Some(AUTO_MAX_BYTES_RATIO).filter(|_| self.method == Choice::Auto);
-        self.layout.max_bytes_ratio.or(of_auto)
+        self.layout.instances.max_bytes_ratio.or(of_auto)
     }
 }
 
@@ -168,10 +168,10 @@ pub fn choose(
     let [input, before] = metrics;
     let bounds = Bounds {
         most_bytes_ratio: options.max_bytes_ratio().unwrap_or(f64::INFINITY),
-        is_asked_for: options.layout.max_bytes_ratio.is_some(),
+        is_asked_for: options.layout.instances.max_bytes_ratio.is_some(),
         input_bytes: input.as_bytes(),
-        most_triangles: options.layout.max_group_triangles,
-        longest_ratio: options.layout.max_group_extent_ratio.unwrap_or(f64::INFINITY),
+        most_triangles: options.layout.cluster.max_group_triangles,
+        longest_ratio: options.layout.cluster.max_group_extent_ratio.unwrap_or(f64::INFINITY),
         extent: scene.bounds().size().max_element(),
         blas_per: verify.build.blas_per,
     };
@@ -209,8 +209,8 @@ fn asked_for(
 
 /// What the methods are told, and how the consumer builds what they lay out.
 fn told(options: &methods::Options, verify: &VerifyOptions) -> methods::Options {
-    let one_geometry_a_group = options.one_geometry_a_group || verify.build.blas_per == BlasPer::Primitive;
-    methods::Options { one_geometry_a_group, ..options.clone() }
+    let one_geometry_per_group = verify.build.blas_per == BlasPer::Primitive;
+    methods::Options { parts: PartOptions { one_geometry_per_group, ..options.parts }, ..options.clone() }
 }
 
 /// What choosing among candidates takes.
@@ -227,7 +227,8 @@ struct Choosing<'a> {
 /// The best candidate within the bounds.
 fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let Choosing { options, verify, .. } = *choosing;
-    let told = methods::Options { max_bytes_ratio: options.max_bytes_ratio(), ..told(&options.layout, verify) };
+    let mut told = told(&options.layout, verify);
+    told.instances.max_bytes_ratio = options.max_bytes_ratio();
     let plans = plans::plans(options.effort, &told);
     let (plans, mut passes) = passes::worth_a_try(scene, choosing.before, plans, options);
     let Evaluated { mut candidates, placed, held_back } = choosing.evaluate(scene, &plans);

@@ -50,23 +50,28 @@ const TRIALS: [Trial; 5] = [
     },
     Trial {
         pass: FRAMES,
-        is_in: |plan| plan.method == Method::Cluster && plan.options.frames,
-        shows: |_, plan, layout| plan.options.frames && layout.groups.iter().any(is_turned),
+        is_in: |plan| is_turnable(plan) && plan.options.instances.frames,
+        shows: |_, plan, layout| plan.options.instances.frames && layout.groups.iter().any(is_turned),
     },
     Trial {
         pass: ISOLATE,
-        is_in: |plan| sets_apart(plan) && plan.options.isolate,
-        shows: |_, plan, _| sets_apart(plan) && plan.options.isolate,
+        is_in: |plan| sets_apart(plan) && plan.options.parts.isolate,
+        shows: |_, plan, _| sets_apart(plan) && plan.options.parts.isolate,
     },
     Trial {
         pass: SPLIT_OPACITY,
-        is_in: |plan| sets_apart(plan) && plan.options.split_opacity,
-        shows: |_, plan, _| sets_apart(plan) && plan.options.split_opacity,
+        is_in: |plan| sets_apart(plan) && plan.options.parts.split_opacity,
+        shows: |_, plan, _| sets_apart(plan) && plan.options.parts.split_opacity,
     },
 ];
 
 fn sets_apart(plan: &Plan) -> bool {
     matches!(plan.method, Method::Single | Method::Cluster)
+}
+
+/// Whether its groups may have frames of their own.
+fn is_turnable(plan: &Plan) -> bool {
+    plan.method == Method::Cluster || plan.options.single.turned
 }
 
 fn is_turned(group: &Group) -> bool {
@@ -100,16 +105,17 @@ pub(super) fn worth_a_try(
     let forbidden = options.forbidden;
     let (separate, instances) = (separate(scene, overlap), choose_instances(scene, overlap));
     let instances = unless(instances, forbidden.choose_instances, "--instances bake-or-keep");
-    let frames = unless(frames(scene), !options.layout.frames, "--frames false");
+    let frames = unless(frames(scene), !options.layout.instances.frames, "--frames false");
     let isolate = unless(isolate(scene), forbidden.isolate, "--isolate false");
     let opacity = unless(split_opacity(scene), forbidden.split_opacity, "--split-opacity false");
     let mut tried: Vec<Plan> = Vec::new();
     for mut plan in plans.into_iter().filter(|plan| plan.method != Method::Overlap || separate.applied) {
-        plan.options.frames &= frames.applied;
-        plan.options.isolate &= isolate.applied;
-        plan.options.split_opacity &= opacity.applied;
+        plan.options.instances.frames &= frames.applied;
+        plan.options.parts.isolate &= isolate.applied;
+        plan.options.parts.split_opacity &= opacity.applied;
         if !instances.applied {
-            (plan.options.instances, plan.options.pieces) = (Instances::BakeOrKeep, None);
+            let instances = &mut plan.options.instances;
+            (instances.shared, instances.pieces) = (Instances::BakeOrKeep, None);
         }
         if !tried.iter().any(|other| other.method == plan.method && other.options == plan.options) {
             tried.push(plan);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::methods::{Instances, Method, Options, PlanId};
+use crate::methods::{ClusterSearch, Instances, Method, Options, PlanId};
 
 /// How much time to spend, from 0 to 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -50,7 +50,17 @@ pub(crate) struct Plan {
 impl Plan {
     /// Whether it is laid out by what rays meet.
     pub(crate) fn is_by_rays(&self) -> bool {
-        self.options.segments.is_some()
+        self.options.cluster.search.segments.is_some()
+    }
+
+    /// Whether it puts all that may be regrouped into one BLAS, along the axes of the world.
+    pub(crate) fn is_single(&self) -> bool {
+        self.method == Method::Single && !self.options.single.turned
+    }
+
+    /// Whether it divides what is larger than the user allows.
+    fn is_within_bounds(&self) -> bool {
+        self.method == Method::Cluster || self.options.single.turned
     }
 }
 
@@ -61,27 +71,22 @@ type Entry = (u8, &'static str, Method, fn(&mut Options));
 /// stay as they are, so that more effort never sees less.
 const SEARCHED: u8 = 4;
 
-/// An entry that no group is worth, so that all triangles stay in one, in the frame that fits best.
-pub(super) const PROHIBITIVE: f64 = 1e9;
-
 /// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
 /// fewer and larger groups: on devices without RT cores they pay most often.
 const PLANS: [Entry; 38] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
-    (1, "single, turned", Method::Cluster, |o| o.entry_cost = PROHIBITIVE),
-    (2, "cluster, entry 15", Method::Cluster, |o| o.entry_cost = 15.0),
-    (3, "single, isolated", Method::Single, |o| o.isolate = true),
-    (3, "single, opacity split", Method::Single, |o| o.split_opacity = true),
-    (3, "cluster, entry 40", Method::Cluster, |o| o.entry_cost = 40.0),
-    (3, "cluster, entry 5", Method::Cluster, |o| o.entry_cost = 5.0),
-    (3, "cluster, entry 15, extent 0.25", Method::Cluster, |o| {
-        (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.25))
-    }),
+    (1, "single, turned", Method::Single, |o| o.single.turned = true),
+    (2, "cluster, entry 15", Method::Cluster, |o| o.instances.entry_cost = 15.0),
+    (3, "single, isolated", Method::Single, |o| o.parts.isolate = true),
+    (3, "single, opacity split", Method::Single, |o| o.parts.split_opacity = true),
+    (3, "cluster, entry 40", Method::Cluster, |o| o.instances.entry_cost = 40.0),
+    (3, "cluster, entry 5", Method::Cluster, |o| o.instances.entry_cost = 5.0),
+    (3, "cluster, entry 15, extent 0.25", Method::Cluster, |o| in_boxes(o, 15.0, 0.25)),
     (3, "overlap", Method::Overlap, |_| {}),
-    (3, "single, instances chosen", Method::Single, |o| o.instances = Instances::Choose),
+    (3, "single, instances chosen", Method::Single, |o| o.instances.shared = Instances::Choose),
     (3, "cluster, entry 15, instances chosen", Method::Cluster, |o| {
-        (o.entry_cost, o.instances) = (15.0, Instances::Choose)
+        (o.instances.entry_cost, o.instances.shared) = (15.0, Instances::Choose)
     }),
     (3, "cluster by rays, entry 16", Method::Cluster, |o| by_rays(o, 16.0)),
     (3, "cluster by rays, entry 8, without units", Method::Cluster, |o| without_units(o, 8.0)),
@@ -93,29 +98,28 @@ const PLANS: [Entry; 38] = [
     (5, "single, instances in 64 pieces", Method::Single, |o| in_pieces(o, 64)),
     (4, "per-object", Method::PerObject, |_| {}),
     (4, "bvh", Method::Bvh, |_| {}),
-    (4, "cluster, entry 25", Method::Cluster, |o| o.entry_cost = 25.0),
-    (4, "cluster, entry 15, extent 0.5", Method::Cluster, |o| {
-        (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.5))
-    }),
-    (4, "cluster, entry 15, isolated", Method::Cluster, |o| (o.entry_cost, o.isolate) = (15.0, true)),
+    (4, "cluster, entry 25", Method::Cluster, |o| o.instances.entry_cost = 25.0),
+    (4, "cluster, entry 15, extent 0.5", Method::Cluster, |o| in_boxes(o, 15.0, 0.5)),
+    (4, "cluster, entry 15, isolated", Method::Cluster, |o| (o.instances.entry_cost, o.parts.isolate) = (15.0, true)),
     (4, "cluster by rays, entry 2, divided", Method::Cluster, |o| {
         by_rays(o, 2.0);
-        o.divide = true;
+        o.cluster.search.divide = true;
     }),
     (4, "cluster by rays, entry 16, at most 65,536 triangles", Method::Cluster, |o| {
         by_rays(o, 16.0);
-        o.max_group_triangles = Some(o.max_group_triangles.unwrap_or(u32::MAX).min(1 << 16));
+        let most = &mut o.cluster.max_group_triangles;
+        *most = Some(most.unwrap_or(u32::MAX).min(1 << 16));
     }),
     (4, "cluster by rays, entry 12", Method::Cluster, |o| by_rays(o, 12.0)),
     (5, "cluster by rays, entry 20, without units", Method::Cluster, |o| without_units(o, 20.0)),
     (5, "cluster by rays, entry 4", Method::Cluster, |o| by_rays(o, 4.0)),
     (5, "cluster by rays, entry 25", Method::Cluster, |o| by_rays(o, 25.0)),
-    (5, "cluster, entry 15, opacity split", Method::Cluster, |o| (o.entry_cost, o.split_opacity) = (15.0, true)),
-    (5, "cluster, entry 2", Method::Cluster, |o| o.entry_cost = 2.0),
-    (5, "cluster, entry 15, extent 0.125", Method::Cluster, |o| {
-        (o.entry_cost, o.max_group_extent_ratio) = (15.0, Some(0.125))
+    (5, "cluster, entry 15, opacity split", Method::Cluster, |o| {
+        (o.instances.entry_cost, o.parts.split_opacity) = (15.0, true)
     }),
-    (6, "cluster, entry 80", Method::Cluster, |o| o.entry_cost = 80.0),
+    (5, "cluster, entry 2", Method::Cluster, |o| o.instances.entry_cost = 2.0),
+    (5, "cluster, entry 15, extent 0.125", Method::Cluster, |o| in_boxes(o, 15.0, 0.125)),
+    (6, "cluster, entry 80", Method::Cluster, |o| o.instances.entry_cost = 80.0),
     (6, "cluster by rays, entry 8", Method::Cluster, |o| by_rays(o, 8.0)),
     (6, "cluster by rays, entry 12, without units", Method::Cluster, |o| without_units(o, 12.0)),
     (6, "cluster by rays, entry 40", Method::Cluster, |o| by_rays(o, 40.0)),
@@ -123,37 +127,47 @@ const PLANS: [Entry; 38] = [
 
 /// By rays still to be found (see [`super::segments`]); one group keeps what gains nothing by leaving it.
 fn by_rays(options: &mut Options, entry_cost: f64) {
-    (options.entry_cost, options.segments, options.divide) = (entry_cost, Some(Arc::default()), false);
+    options.instances.entry_cost = entry_cost;
+    let search = &mut options.cluster.search;
+    (search.segments, search.divide) = (Some(Arc::default()), false);
 }
 
 /// As [`by_rays`]; only subtrees leave.
 fn without_units(options: &mut Options, entry_cost: f64) {
     by_rays(options, entry_cost);
-    options.units = false;
+    options.cluster.search.units = false;
 }
 
 /// Instances opened into a given number of pieces, where predictions of the best number fail.
 fn in_pieces(options: &mut Options, pieces: u32) {
-    (options.instances, options.pieces) = (Instances::Choose, options.pieces.or(Some(pieces)));
+    let instances = &mut options.instances;
+    (instances.shared, instances.pieces) = (Instances::Choose, instances.pieces.or(Some(pieces)));
 }
 
-/// The plans of an effort. Where the user bounds groups, only methods that heed the bounds remain, and the input.
+/// Groups whose boxes are no longer than this share of the scene's, nor than the user allows.
+fn in_boxes(options: &mut Options, entry_cost: f64, max_extent_ratio: f64) {
+    options.instances.entry_cost = entry_cost;
+    let most = &mut options.cluster.max_group_extent_ratio;
+    *most = Some(most.map_or(max_extent_ratio, |asked| asked.min(max_extent_ratio)));
+}
+
+/// The plans of an effort. If the user bounds groups, only those that keep to the bounds remain, and the input.
 pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
-    let bounded = options.max_group_triangles.is_some() || options.max_group_extent_ratio.is_some();
-    let heeds = |entry: &&Entry| !bounded || matches!(entry.2, Method::Keep | Method::Cluster);
+    let is_bounded = options.cluster.is_bounded();
     let plan = |&(from, name, method, tell): &Entry| {
-        let mut told = Options { search: from >= SEARCHED, ..options.clone() };
+        let mut told = options.clone();
+        told.cluster.search = ClusterSearch { improve: from >= SEARCHED, ..ClusterSearch::default() };
         tell(&mut told);
-        let extents = [told.max_group_extent_ratio, options.max_group_extent_ratio];
-        told.max_group_extent_ratio = extents.into_iter().flatten().reduce(f64::min);
         Plan { id: PlanId::new(method, name), method, options: told }
     };
-    PLANS.iter().filter(|entry| entry.0 <= effort.0).filter(heeds).map(plan).collect()
+    let is_tried = |plan: &Plan| !is_bounded || plan.id.is_input() || plan.is_within_bounds();
+    PLANS.iter().filter(|entry| entry.0 <= effort.0).map(plan).filter(is_tried).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::methods::ClusterOptions;
 
     #[test]
     fn more_effort_looks_at_more_and_the_input_always_competes() {
@@ -165,11 +179,21 @@ mod tests {
     }
 
     #[test]
+    fn no_two_plans_have_one_name_and_each_begins_with_its_method() {
+        let plans = plans(Effort::new(6), &Options::default());
+        let names: Vec<String> = plans.iter().map(|plan| plan.id.to_string()).collect();
+        assert!((1..names.len()).all(|i| !names[..i].contains(&names[i])), "{names:?}");
+        assert!(plans.iter().zip(&names).all(|(plan, name)| name.starts_with(plan.method.name())), "{names:?}");
+    }
+
+    #[test]
     fn bounds_of_the_user_are_never_loosened() {
-        let options = Options { max_group_extent_ratio: Some(0.3), ..Options::default() };
+        let cluster = ClusterOptions { max_group_extent_ratio: Some(0.3), ..ClusterOptions::default() };
+        let options = Options { cluster, ..Options::default() };
         for plan in plans(Effort::new(6), &options) {
-            assert!(matches!(plan.method, Method::Keep | Method::Cluster));
-            assert!(plan.options.max_group_extent_ratio.is_some_and(|ratio| ratio <= 0.3), "{}", plan.id);
+            assert!(plan.id.is_input() || plan.is_within_bounds());
+            let most = plan.options.cluster.max_group_extent_ratio;
+            assert!(most.is_some_and(|ratio| ratio <= 0.3), "{}", plan.id);
         }
     }
 }

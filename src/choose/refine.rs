@@ -8,7 +8,7 @@
 
 use super::bounds::Bounds;
 use super::candidate::{Candidate, Laid};
-use super::plans::{Effort, PROHIBITIVE, Plan};
+use super::plans::{Effort, Plan};
 use crate::layout::WAYS;
 use crate::methods::Method;
 use crate::verify::weights::Weights;
@@ -59,13 +59,13 @@ pub(super) fn other_entries(candidates: &[Candidate], weights: &Weights, bounds:
 }
 
 fn neighbours(plan: &Plan, step: f64) -> Vec<Plan> {
-    if plan.method != Method::Cluster || plan.options.entry_cost >= PROHIBITIVE {
+    if plan.method != Method::Cluster {
         return Vec::new();
     }
     let near = |factor: f64| {
         let mut near = plan.clone();
-        near.options.entry_cost *= factor;
-        near.id = near.id.refined(near.options.entry_cost);
+        near.options.instances.entry_cost *= factor;
+        near.id = near.id.refined(near.options.instances.entry_cost);
         near
     };
     [1.0 / step, step].map(near).to_vec()
@@ -102,16 +102,18 @@ fn turned(candidate: &Candidate, axes: usize) -> Candidate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::methods::{Options, PlanId};
+    use crate::methods::{InstanceOptions, Options, PlanId};
 
     fn plan(method: Method, entry_cost: f64) -> Plan {
-        Plan { id: method.into(), method, options: Options { entry_cost, ..Options::default() } }
+        let instances = InstanceOptions { entry_cost, ..InstanceOptions::default() };
+        let options = Options { instances, ..Options::default() };
+        Plan { id: method.into(), method, options }
     }
 
     #[test]
     fn neighbours_lie_on_both_sides() {
         let near = neighbours(&plan(Method::Cluster, 10.0), 1.25);
-        assert_eq!(near.iter().map(|p| p.options.entry_cost).collect::<Vec<_>>(), [8.0, 12.5]);
+        assert_eq!(near.iter().map(|p| p.options.instances.entry_cost).collect::<Vec<_>>(), [8.0, 12.5]);
         let ids = [&near[0], &near[1], &neighbours(&near[1], 1.25)[0]].map(|plan| plan.id);
         assert_eq!(ids, [8.0, 12.5, 10.0].map(|cost| PlanId::from(Method::Cluster).refined(cost)));
     }
@@ -119,7 +121,6 @@ mod tests {
     #[test]
     fn what_has_no_entry_cost_has_no_neighbours() {
         assert!(neighbours(&plan(Method::Single, 10.0), 1.25).is_empty());
-        assert!(neighbours(&plan(Method::Cluster, PROHIBITIVE), 1.25).is_empty());
     }
 
     #[test]

@@ -21,7 +21,10 @@ pub(crate) fn given(plans: &[Plan], trees: &TwoLevel, rays: &Rays, weights: &Wei
         let to_world = DAffine3::from_translation(vantage);
         let segments = segments(trees, rays, weights).iter().map(|segment| segment.under(&to_world)).collect();
         let segments: Arc<[Segment]> = segments;
-        plans.iter_mut().filter(|plan| plan.is_by_rays()).for_each(|p| p.options.segments = Some(segments.clone()));
+        plans
+            .iter_mut()
+            .filter(|plan| plan.is_by_rays())
+            .for_each(|p| p.options.cluster.search.segments = Some(segments.clone()));
     }
     plans
 }
@@ -70,7 +73,8 @@ mod tests {
         let of = |weights: [f64; 4]| {
             let given =
                 given(&plans(Effort::new(6), &Options::default()), &trees, &rays, &Weights(weights), DVec3::ZERO);
-            let lengths = given.iter().filter_map(|plan| plan.options.segments.as_ref()).map(|s| s.len());
+            let lengths =
+                given.iter().filter_map(|plan| plan.options.cluster.search.segments.as_ref()).map(|s| s.len());
             let lengths: Vec<usize> = lengths.collect();
             assert!(lengths.iter().all(|&len| len == lengths[0]) && lengths.len() > 2);
             lengths[0]

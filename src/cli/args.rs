@@ -12,7 +12,9 @@ use crate::commands::bake::{BakeOptions, FindCopies};
 use crate::commands::verify::MatchBy;
 use crate::copies::Likeness;
 use crate::layout::BlasPer;
-use crate::methods::{self, Instances, Method};
+use crate::methods::{
+    self, BvhOptions, ClusterOptions, InstanceOptions, Instances, Method, OverlapOptions, PartOptions,
+};
 use crate::scene::LoadOptions;
 use crate::verify::build::{BuildOptions, Prefer};
 use crate::verify::rays::MOST_RAYS;
@@ -169,25 +171,25 @@ pub(super) struct BakeArguments {
 #[command(next_help_heading = "Layout options")]
 struct LayoutArguments {
     /// bvh: tree nodes allowed over triangles of the scene
-    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().nodes_per_triangle_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = BvhOptions::default().nodes_per_triangle_ratio, value_parser = ratio)]
     nodes_per_triangle_ratio: f64,
     /// bvh: do not split nodes whose box area over the scene's is below this
-    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().min_area_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = BvhOptions::default().min_area_ratio, value_parser = ratio)]
     min_area_ratio: f64,
     /// overlap: leave pairs alone whose overlap area over the scene box's area is at most this
-    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().skip_overlap_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().skip_overlap_ratio, value_parser = ratio)]
     skip_overlap_ratio: f64,
     /// overlap: split pairs whose overlap over their joint box is below this, merge the others
-    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().split_or_merge_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().split_or_merge_ratio, value_parser = ratio)]
     split_or_merge_ratio: f64,
     /// overlap: split both objects of a pair at their middle below this, at their overlap above it
-    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().split_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().split_ratio, value_parser = ratio)]
     split_ratio: f64,
     /// overlap: stop when the scene's overlap ratio falls below this
-    #[arg(long, value_name = "RATIO", default_value_t = methods::Options::default().termination_overlap_ratio, value_parser = ratio)]
+    #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().termination_overlap_ratio, value_parser = ratio)]
     termination_overlap_ratio: f64,
     /// bvh, overlap: do not split objects with at most this many triangles
-    #[arg(long, value_name = "N", default_value_t = methods::Options::default().min_triangles)]
+    #[arg(long, value_name = "N", default_value_t = OverlapOptions::default().min_triangles)]
     min_triangles: usize,
     /// Leave instances instanced where writing them out would need more predicted BLAS and TLAS bytes than this times
     /// the input's [default: 1.25 for auto, no limit otherwise]
@@ -208,10 +210,10 @@ struct LayoutArguments {
     /// single, cluster: give triangles that are not opaque groups of their own [default: false; auto: where it pays]
     #[arg(long, value_name = "BOOL")]
     split_opacity: Option<bool>,
-    /// cluster: what it costs to enter an instance, in steps from node to node
-    #[arg(long, value_name = "STEPS", default_value_t = methods::Options::default().entry_cost, value_parser = ratio)]
+    /// cluster, --instances choose: cost of entering an instance, in node-traversal steps
+    #[arg(long, value_name = "STEPS", default_value_t = InstanceOptions::default().entry_cost, value_parser = ratio)]
     entry_cost: f64,
-    /// cluster: store groups in frames of their own
+    /// cluster, --instances choose: store groups in frames of their own
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     frames: bool,
     /// cluster: most triangles of a group [default: no limit]
@@ -422,28 +424,7 @@ impl BakeArguments {
                     split_opacity: l.split_opacity == Some(false),
                     choose_instances: matches!(l.instances, Some(InstancesArgument::BakeOrKeep)),
                 },
-                layout: methods::Options {
-                    nodes_per_triangle_ratio: l.nodes_per_triangle_ratio,
-                    min_area_ratio: l.min_area_ratio,
-                    skip_overlap_ratio: l.skip_overlap_ratio,
-                    split_or_merge_ratio: l.split_or_merge_ratio,
-                    split_ratio: l.split_ratio,
-                    termination_overlap_ratio: l.termination_overlap_ratio,
-                    min_triangles: l.min_triangles,
-                    max_bytes_ratio: l.max_bytes_ratio,
-                    instances: match l.instances {
-                        None | Some(InstancesArgument::BakeOrKeep) => Instances::BakeOrKeep,
-                        Some(InstancesArgument::Choose) => Instances::Choose,
-                    },
-                    pieces: l.pieces,
-                    isolate: l.isolate == Some(true),
-                    split_opacity: l.split_opacity == Some(true),
-                    entry_cost: l.entry_cost,
-                    frames: l.frames,
-                    max_group_triangles: l.max_group_triangles,
-                    max_group_extent_ratio: l.max_group_extent_ratio,
-                    ..methods::Options::default()
-                },
+                layout: l.options(),
             },
             copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),
             load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
@@ -451,6 +432,47 @@ impl BakeArguments {
             copy_instances: self.instancing == InstancingArgument::Extension,
             verify: self.verify.options(),
         })
+    }
+}
+
+impl LayoutArguments {
+    /// What the methods need to know.
+    fn options(&self) -> methods::Options {
+        methods::Options {
+            instances: InstanceOptions {
+                shared: match self.instances {
+                    None | Some(InstancesArgument::BakeOrKeep) => Instances::BakeOrKeep,
+                    Some(InstancesArgument::Choose) => Instances::Choose,
+                },
+                pieces: self.pieces,
+                max_bytes_ratio: self.max_bytes_ratio,
+                entry_cost: self.entry_cost,
+                frames: self.frames,
+            },
+            parts: PartOptions {
+                isolate: self.isolate == Some(true),
+                split_opacity: self.split_opacity == Some(true),
+                ..PartOptions::default()
+            },
+            bvh: BvhOptions {
+                nodes_per_triangle_ratio: self.nodes_per_triangle_ratio,
+                min_area_ratio: self.min_area_ratio,
+                min_triangles: self.min_triangles,
+            },
+            overlap: OverlapOptions {
+                skip_overlap_ratio: self.skip_overlap_ratio,
+                split_or_merge_ratio: self.split_or_merge_ratio,
+                split_ratio: self.split_ratio,
+                termination_overlap_ratio: self.termination_overlap_ratio,
+                min_triangles: self.min_triangles,
+            },
+            cluster: ClusterOptions {
+                max_group_triangles: self.max_group_triangles,
+                max_group_extent_ratio: self.max_group_extent_ratio,
+                ..ClusterOptions::default()
+            },
+            ..methods::Options::default()
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The command line: parses it, runs the command, prints its result, and turns it into an exit status.
 
+mod applies;
 mod args;
 mod interrupt;
 #[cfg(feature = "lab")]
@@ -12,7 +13,7 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 use raykiln_formats::document::{Placed, Staged};
 use raykiln_formats::staging::Hold;
 
@@ -33,11 +34,13 @@ const BAD: u8 = 2;
 
 /// Runs the program on the process's arguments.
 pub fn run() -> ExitCode {
-    let arguments = Arguments::parse();
+    let matches = Arguments::command().get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if arguments.command.reads_scenes() {
         interrupt::heed();
     }
-    let done = in_pool(arguments.output.threads, || dispatch(&arguments));
+    let given = applies::given(&matches);
+    let done = in_pool(arguments.output.threads, || dispatch(&arguments, &given));
     // Where a signal took the staged files away, it ends the program, not an error that comes of that.
     drop(Hold::new());
     match done {
@@ -60,9 +63,9 @@ fn in_pool(threads: Option<u16>, command: impl FnOnce() -> Result<ExitCode> + Se
     pool.install(command)
 }
 
-fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
+fn dispatch(arguments: &Arguments, given: &[&str]) -> Result<ExitCode> {
     match &arguments.command {
-        Command::Bake(bake) => run_bake(bake, &arguments.output),
+        Command::Bake(bake) => run_bake(bake, given, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
         #[cfg(feature = "lab")]
@@ -81,8 +84,9 @@ fn dispatch(arguments: &Arguments) -> Result<ExitCode> {
     }
 }
 
-fn run_bake(arguments: &BakeArguments, output: &Output) -> Result<ExitCode> {
+fn run_bake(arguments: &BakeArguments, given: &[&str], output: &Output) -> Result<ExitCode> {
     let options: BakeOptions = arguments.options()?;
+    applies::check(given, &options.choose)?;
     let reports = Reports::check(&arguments.report, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);
     let baked = bake::bake(arguments.input.as_path().into(), &arguments.output, &options, &mut |stage| {

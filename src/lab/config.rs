@@ -271,7 +271,7 @@ mod tests {
     fn methods_are_methods_or_layouts_of_auto() {
         let config = read("scenes = ['a.obj']\nout = 'x'\nmethods = ['cluster', 'single', 'cluster, entry 80']");
         let config = config.expect("sound");
-        let costs: Vec<f64> = config.plans.iter().map(|p| p.options.entry_cost).collect();
+        let costs: Vec<f64> = config.plans.iter().map(|p| p.options.instances.entry_cost).collect();
         assert_eq!((config.plans.len(), costs[2]), (3, 80.0));
     }
 

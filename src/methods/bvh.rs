@@ -18,17 +18,17 @@ use rayon::prelude::*;
 
 use crate::layout::Layout;
 use crate::layout::builder::Builder;
-use crate::methods::Options;
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::pieces::{CHUNK, Item, Piece, Pieces, bounds_of, centroid_bounds};
+use crate::methods::{BvhOptions, InstanceOptions};
 use crate::scene::{Bounds, Scene};
 
 /// Bins along the axis of a split.
 const BINS: usize = 16;
 
-/// Splits every object by binned SAH within [`Options::nodes_per_triangle_ratio`] of the triangles of all objects.
-pub(super) fn bvh(scene: &Scene, options: &Options) -> Layout {
-    bake_within_limits(scene, options, |selection| {
+/// Splits every object by binned SAH within [`BvhOptions::nodes_per_triangle_ratio`] of the triangles of all objects.
+pub(super) fn bvh(scene: &Scene, instances: &InstanceOptions, options: &BvhOptions) -> Layout {
+    bake_within_limits(scene, instances, |selection| {
         let mut layout = Builder::new(scene);
         selection.place_left(&mut layout);
         let mut pieces = Pieces::new(scene, selection);
@@ -39,7 +39,7 @@ pub(super) fn bvh(scene: &Scene, options: &Options) -> Layout {
 }
 
 /// The leaves of all trees, in the order of the objects.
-fn split_all(pieces: &mut Pieces, options: &Options, layout: &mut Builder) -> Vec<Vec<Piece>> {
+fn split_all(pieces: &mut Pieces, options: &BvhOptions, layout: &mut Builder) -> Vec<Vec<Piece>> {
     let mut queue: VecDeque<(Piece, Bounds)> = pieces.whole().into();
     let triangles: usize = queue.iter().map(|(piece, _)| piece.len()).sum();
     let allowed = options.nodes_per_triangle_ratio * triangles as f64;
@@ -159,12 +159,12 @@ mod tests {
     use glam::{DAffine3, DVec3, Vec3};
 
     /// Nodes enough for any scene.
-    fn ample() -> Options {
-        Options { nodes_per_triangle_ratio: 1.0, min_area_ratio: 0.0, ..Options::default() }
+    fn ample() -> BvhOptions {
+        BvhOptions { nodes_per_triangle_ratio: 1.0, min_area_ratio: 0.0, ..BvhOptions::default() }
     }
 
-    fn checked(scene: &Scene, options: &Options) -> Layout {
-        let layout = bvh(scene, options);
+    fn checked(scene: &Scene, options: &BvhOptions) -> Layout {
+        let layout = bvh(scene, &InstanceOptions::default(), options);
         assert_eq!(layout.check(scene), Ok(()));
         layout
     }
@@ -191,7 +191,7 @@ mod tests {
         let mut builder = SceneBuilder::default();
         builder.object("dumbbell", 0, dumbbell());
         let scene = builder.scene();
-        let layout = checked(&scene, &Options { nodes_per_triangle_ratio: 3.0 / 20.0, ..ample() });
+        let layout = checked(&scene, &BvhOptions { nodes_per_triangle_ratio: 3.0 / 20.0, ..ample() });
         assert_eq!(group_names(&layout), ["baked dumbbell.0", "baked dumbbell.1"]);
         assert_eq!(group_sizes(&scene, &layout), [10, 10]);
     }
@@ -213,10 +213,10 @@ mod tests {
         let scene = builder.scene();
         for (nodes, groups) in [(2, 2), (3, 2), (4, 3), (5, 3), (6, 4), (10, 6)] {
             let ratio = f64::from(nodes) / 200.0;
-            let layout = checked(&scene, &Options { nodes_per_triangle_ratio: ratio, ..ample() });
+            let layout = checked(&scene, &BvhOptions { nodes_per_triangle_ratio: ratio, ..ample() });
             assert_eq!(layout.groups.len(), groups, "{nodes} nodes");
         }
-        let layout = checked(&scene, &Options { nodes_per_triangle_ratio: 6.0 / 200.0, ..ample() });
+        let layout = checked(&scene, &BvhOptions { nodes_per_triangle_ratio: 6.0 / 200.0, ..ample() });
         assert_eq!(group_sizes(&scene, &layout), [50, 50, 50, 50]);
     }
 
@@ -224,7 +224,7 @@ mod tests {
     fn a_budget_below_the_objects_splits_nothing_and_says_so() {
         let mut builder = SceneBuilder::default();
         builder.object("a", 0, row(Vec3::ZERO, 100));
-        let layout = checked(&builder.scene(), &Options { nodes_per_triangle_ratio: 1e-3, ..ample() });
+        let layout = checked(&builder.scene(), &BvhOptions { nodes_per_triangle_ratio: 1e-3, ..ample() });
         assert_eq!(group_names(&layout), ["kept a"]);
         assert_eq!(layout.notes, ["no object is split: 0 tree nodes are allowed, and the 1 objects have one each"]);
     }
@@ -234,7 +234,7 @@ mod tests {
         let mut builder = SceneBuilder::default();
         builder.object("large", 0, row(Vec3::ZERO, 20));
         builder.object("small", 0, row(Vec3::ZERO, 20).iter().map(|t| t.map(|p| p * 0.01)).collect());
-        let layout = checked(&builder.scene(), &Options { min_area_ratio: 0.5, ..ample() });
+        let layout = checked(&builder.scene(), &BvhOptions { min_area_ratio: 0.5, ..ample() });
         assert_eq!(group_names(&layout), ["kept small", "baked large.0", "baked large.1"]);
     }
 
@@ -260,7 +260,7 @@ mod tests {
         builder.place(mesh, "pinned", DAffine3::IDENTITY).pinned = Some(Pinned::Animated);
         builder.place(mesh, "mirrored", DAffine3::from_scale(DVec3::new(-1.0, 2.0, 1.0)));
         let scene = builder.scene();
-        let layout = checked(&scene, &Options { nodes_per_triangle_ratio: 3.0 / 20.0, ..ample() });
+        let layout = checked(&scene, &BvhOptions { nodes_per_triangle_ratio: 3.0 / 20.0, ..ample() });
         assert_eq!(group_names(&layout), ["kept mesh", "baked mirrored.0", "baked mirrored.1"]);
     }
 
@@ -270,7 +270,7 @@ mod tests {
         let mesh = builder.mesh("mesh", vec![(0, row(Vec3::ZERO, 5)), (1, dumbbell())]);
         builder.place(mesh, "node", at(1.0, 0.0, 0.0));
         let scene = builder.scene();
-        let layout = checked(&scene, &Options { nodes_per_triangle_ratio: 4.0 / 25.0, ..ample() });
+        let layout = checked(&scene, &BvhOptions { nodes_per_triangle_ratio: 4.0 / 25.0, ..ample() });
         assert_eq!(group_names(&layout), ["piece mesh.0", "baked node.1.0", "baked node.1.1"]);
         assert_eq!(group_sizes(&scene, &layout), [5, 10, 10]);
     }

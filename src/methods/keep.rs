@@ -4,11 +4,10 @@
 
 use crate::layout::Layout;
 use crate::layout::builder::Builder;
-use crate::methods::Options;
 use crate::scene::{InstanceId, Scene};
 
 /// Every instance stays as it is.
-pub(super) fn keep(scene: &Scene, _options: &Options) -> Layout {
+pub(super) fn keep(scene: &Scene) -> Layout {
     let mut layout = Builder::new(scene);
     (0..scene.instances.len() as u32).for_each(|i| layout.keep(InstanceId(i)));
     layout.finish()
@@ -23,7 +22,7 @@ mod tests {
 
     #[test]
     fn an_empty_scene_gives_an_empty_layout() {
-        let layout = keep(&Scene::default(), &Options::default());
+        let layout = keep(&Scene::default());
         assert!(layout.groups.is_empty() && layout.placements.is_empty());
     }
 
@@ -35,7 +34,7 @@ mod tests {
         builder.place(cube, "a", at(1.0, 0.0, 0.0));
         builder.place(cube, "b", at(2.0, 0.0, 0.0)).pinned = Some(Pinned::Skinned);
         let scene = builder.scene();
-        let layout = keep(&scene, &Options::default());
+        let layout = keep(&scene);
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["kept cube"]);
         assert_eq!(layout.placements.len(), 2);
@@ -52,7 +51,7 @@ mod tests {
         let mut scene = builder.scene();
         scene.meshes[0].dropped = true;
         scene.meshes[0].geometries[1].kept = Some(vec![0, 2]);
-        let layout = keep(&scene, &Options::default());
+        let layout = keep(&scene);
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["piece torn"]);
         assert_eq!(layout.placements.len(), 2);

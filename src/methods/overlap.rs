@@ -25,9 +25,9 @@ use rayon::prelude::*;
 use crate::cost::overlap;
 use crate::layout::Layout;
 use crate::layout::builder::Builder;
-use crate::methods::Options;
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
+use crate::methods::{InstanceOptions, OverlapOptions};
 use crate::scene::{Bounds, Scene};
 
 /// Rounds after which the best layout so far is taken. Scenes of a thousand objects take about a hundred.
@@ -40,8 +40,8 @@ const MOST_PAIRS: usize = 1 << 21;
 const FEW_OBJECTS: usize = 1 << 11;
 
 /// Splits and merges objects to lower the overlap ratio.
-pub(super) fn overlap(scene: &Scene, options: &Options) -> Layout {
-    bake_within_limits(scene, options, |selection| {
+pub(super) fn overlap(scene: &Scene, instances: &InstanceOptions, options: &OverlapOptions) -> Layout {
+    bake_within_limits(scene, instances, |selection| {
         let mut layout = Builder::new(scene);
         selection.place_left(&mut layout);
         let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
@@ -69,7 +69,7 @@ struct Body {
 /// The state of the scene between rounds.
 struct Reduction<'a> {
     pieces: Pieces<'a>,
-    options: &'a Options,
+    options: &'a OverlapOptions,
     /// All bodies there ever were.
     bodies: Vec<Body>,
     /// Those that make up the scene now.
@@ -85,7 +85,7 @@ struct Task {
 }
 
 impl<'a> Reduction<'a> {
-    fn new(pieces: Pieces<'a>, options: &'a Options) -> Self {
+    fn new(pieces: Pieces<'a>, options: &'a OverlapOptions) -> Self {
         let divisible = |piece: Piece| piece.len() > options.min_triangles;
         let body = |(piece, bounds)| Body { pieces: vec![piece], bounds, divisible: divisible(piece) };
         let bodies: Vec<Body> = pieces.whole().into_iter().map(body).collect();
@@ -276,18 +276,18 @@ mod tests {
     use glam::{DAffine3, Vec3};
     use proptest::prelude::*;
 
-    fn checked(scene: &Scene, options: &Options) -> Layout {
-        let layout = overlap(scene, options);
+    fn checked(scene: &Scene, options: &OverlapOptions) -> Layout {
+        let layout = overlap(scene, &InstanceOptions::default(), options);
         assert_eq!(layout.check(scene), Ok(()));
         layout
     }
 
-    fn with_ratios(skip: f64, split: f64, split_or_merge: f64) -> Options {
-        Options {
+    fn with_ratios(skip: f64, split: f64, split_or_merge: f64) -> OverlapOptions {
+        OverlapOptions {
             skip_overlap_ratio: skip,
             split_ratio: split,
             split_or_merge_ratio: split_or_merge,
-            ..Options::default()
+            ..OverlapOptions::default()
         }
     }
 
@@ -297,7 +297,10 @@ mod tests {
 
     /// The ratio before anything is done.
     fn ratio_before(scene: &Scene) -> f64 {
-        overlap_ratio(scene, &checked(scene, &Options { skip_overlap_ratio: f64::INFINITY, ..Options::default() }))
+        overlap_ratio(
+            scene,
+            &checked(scene, &OverlapOptions { skip_overlap_ratio: f64::INFINITY, ..OverlapOptions::default() }),
+        )
     }
 
     fn moved(triangles: Vec<[Vec3; 3]>, by: Vec3) -> Vec<[Vec3; 3]> {
@@ -311,7 +314,7 @@ mod tests {
 
     #[test]
     fn an_empty_scene_gives_an_empty_layout() {
-        assert!(checked(&Scene::default(), &Options::default()).groups.is_empty());
+        assert!(checked(&Scene::default(), &OverlapOptions::default()).groups.is_empty());
     }
 
     #[test]
@@ -331,7 +334,7 @@ mod tests {
         builder.object("leaves", 0, field(Vec3::ZERO, 10));
         builder.object("twigs", 1, field(Vec3::splat(0.1), 9));
         let scene = builder.scene();
-        let layout = checked(&scene, &Options::default());
+        let layout = checked(&scene, &OverlapOptions::default());
         assert_eq!(group_names(&layout), ["baked leaves + 1"]);
         let Content::Baked { geometries, .. } = &layout.groups[0].content else { panic!("not baked") };
         let parts: Vec<_> = geometries.iter().map(|g: &GroupGeometry| (g.material, g.triangles.len())).collect();
@@ -392,7 +395,7 @@ mod tests {
         let mut builder = SceneBuilder::default();
         builder.object("a", 0, field(Vec3::ZERO, 10));
         builder.object("b", 1, field(Vec3::splat(0.1), 10));
-        let options = Options { termination_overlap_ratio: 2.0, ..Options::default() };
+        let options = OverlapOptions { termination_overlap_ratio: 2.0, ..OverlapOptions::default() };
         assert_eq!(group_names(&checked(&builder.scene(), &options)), ["kept a", "kept b"]);
     }
 
@@ -401,7 +404,7 @@ mod tests {
         let mut builder = SceneBuilder::default();
         builder.object("a", 0, field(Vec3::ZERO, 3));
         builder.object("b", 1, field(Vec3::new(2.0, 2.0, 0.0), 3));
-        let options = Options { min_triangles: 9, ..with_ratios(0.0, 0.9, 0.9) };
+        let options = OverlapOptions { min_triangles: 9, ..with_ratios(0.0, 0.9, 0.9) };
         assert_eq!(group_names(&checked(&builder.scene(), &options)), ["kept a", "kept b"]);
     }
 
@@ -424,7 +427,7 @@ mod tests {
         builder.place(mesh, "pinned", DAffine3::IDENTITY).pinned = Some(Pinned::Animated);
         builder.place(mesh, "first", at(0.1, 0.0, 0.0));
         builder.place(mesh, "second", at(0.0, 0.1, 0.0));
-        let layout = checked(&builder.scene(), &Options::default());
+        let layout = checked(&builder.scene(), &OverlapOptions::default());
         assert_eq!(group_names(&layout), ["kept mesh", "baked first + 1"]);
     }
 
@@ -436,7 +439,7 @@ mod tests {
             builder.place(mesh, "node", at(1e-6 * i as f64, 0.0, 0.0));
         }
         let scene = builder.scene();
-        let layout = checked(&scene, &Options::default());
+        let layout = checked(&scene, &OverlapOptions::default());
         assert!(layout.groups.len() < 100, "{} groups", layout.groups.len());
     }
 
@@ -450,7 +453,7 @@ mod tests {
         let scene = builder.scene();
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| format!("{:?}", checked(&scene, &Options::default())))
+            pool.install(|| format!("{:?}", checked(&scene, &OverlapOptions::default())))
         };
         assert_eq!(with(1), with(3));
     }
@@ -464,7 +467,7 @@ mod tests {
             split in 0.0..1.0,
             split_or_merge in 0.0..1.2,
         ) {
-            let layout = checked(&scene, &Options { min_triangles: 2, ..with_ratios(skip, split, split_or_merge) });
+            let layout = checked(&scene, &OverlapOptions { min_triangles: 2, ..with_ratios(skip, split, split_or_merge) });
             let (before, after) = (ratio_before(&scene), overlap_ratio(&scene, &layout));
             prop_assert!(after <= before * (1.0 + 1e-12), "{} to {}", before, after);
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::layout::builder::Builder;
 use crate::layout::builder::{Geometries, GeometryKey, Object, key, objects};
-use crate::methods::Options;
+use crate::methods::PartOptions;
 use crate::methods::isolate::{Apart, apart};
 use crate::scene::{InstanceId, Opacity, Scene};
 
@@ -19,13 +19,13 @@ pub(super) struct Part {
 
 /// Objects divided as the options demand: the others first, then shells, then outliers, each by itself; of each, what is
 /// opaque comes first. One part, named `scene`, where nothing is to be divided; none is empty.
-pub(super) fn parts(scene: &Scene, instances: &[InstanceId], options: &Options) -> Vec<Part> {
+pub(super) fn parts(scene: &Scene, instances: &[InstanceId], options: &PartOptions) -> Vec<Part> {
     let all = Part { name: "scene".to_owned(), objects: objects(scene, instances.iter().copied()) };
     let mut parts = if options.isolate { isolated(scene, all) } else { vec![all] };
     if options.split_opacity {
         parts = parts.into_iter().flat_map(|part| by_opacity(scene, part)).collect();
     }
-    if options.one_geometry_a_group {
+    if options.one_geometry_per_group {
         parts = parts.into_iter().flat_map(|part| by_key(scene, part)).collect();
     }
     parts.retain(|part| !part.objects.is_empty());
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
     use crate::layout::test_scenes::*;
     use crate::layout::{Content, GroupGeometry, Layout};
-    use crate::methods::{Method, run};
+    use crate::methods::{InstanceOptions, Method, Options, run};
     use glam::{DAffine3, Vec3};
     use proptest::prelude::*;
 
@@ -123,10 +123,21 @@ mod tests {
         with_opacities(builder.scene())
     }
 
+    /// All that the user may set apart.
+    const APART: PartOptions = PartOptions { isolate: true, split_opacity: true, one_geometry_per_group: false };
+
+    fn told(parts: PartOptions) -> Options {
+        Options { parts, ..Options::default() }
+    }
+
     #[test]
     fn shells_and_outliers_become_groups_of_their_own() {
         let scene = street();
-        let options = Options { isolate: true, frames: false, ..Options::default() };
+        let options = Options {
+            parts: PartOptions { isolate: true, ..PartOptions::default() },
+            instances: InstanceOptions { frames: false, ..InstanceOptions::default() },
+            ..Options::default()
+        };
         let layout = run(Method::Single, &scene, &options);
         assert_eq!(group_names(&layout), ["baked scene", "baked shells", "baked moon"]);
         assert_eq!(group_sizes(&scene, &layout), [1800, 1, 1]);
@@ -138,7 +149,7 @@ mod tests {
     #[test]
     fn opacities_become_groups_of_their_own() {
         let scene = street();
-        let options = Options { split_opacity: true, ..Options::default() };
+        let options = told(PartOptions { split_opacity: true, ..PartOptions::default() });
         let layout = run(Method::Single, &scene, &options);
         assert_eq!(group_names(&layout), ["baked scene", "baked scene, not opaque"]);
         assert_eq!(group_sizes(&scene, &layout), [1601, 201]);
@@ -154,7 +165,7 @@ mod tests {
         assert!(!isolates(&scene) && !opacities_differ(&scene));
         for method in [Method::Single, Method::Cluster] {
             let plain = run(method, &scene, &Options::default());
-            let divided = run(method, &scene, &Options { isolate: true, split_opacity: true, ..Options::default() });
+            let divided = run(method, &scene, &told(APART));
             assert_eq!((plain.groups.len(), plain.placements), (divided.groups.len(), divided.placements));
             assert!(plain.groups.iter().zip(&divided.groups).all(|(a, b)| a.content == b.content));
         }
@@ -181,12 +192,11 @@ mod tests {
         fn groups_are_as_pure_as_asked(scene in any_scene(), method in 0..2usize) {
             let scene = with_opacities(scene);
             let method = [Method::Single, Method::Cluster][method];
-            let options = Options { isolate: true, split_opacity: true, ..Options::default() };
-            let layout = run(method, &scene, &options);
+            let layout = run(method, &scene, &told(APART));
             prop_assert_eq!(layout.check(&scene), Ok(()));
             let pure = |g: &[GroupGeometry]| g.iter().all(|x| (x.opacity == Opacity::Opaque) == (g[0].opacity == Opacity::Opaque));
             prop_assert!(baked(&layout).all(pure));
-            let layout = run(Method::Cluster, &scene, &Options { one_geometry_a_group: true, ..options });
+            let layout = run(Method::Cluster, &scene, &told(PartOptions { one_geometry_per_group: true, ..APART }));
             prop_assert_eq!(layout.check(&scene), Ok(()));
             prop_assert!(baked(&layout).all(|g| g.len() == 1));
         }

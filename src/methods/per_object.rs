@@ -4,11 +4,10 @@
 
 use crate::layout::Layout;
 use crate::layout::builder::{Builder, objects};
-use crate::methods::Options;
 use crate::scene::{InstanceId, Scene};
 
 /// One group for each geometry of each mesh, placed by all instances of that mesh; pinned instances stay as they are.
-pub(super) fn per_object(scene: &Scene, _options: &Options) -> Layout {
+pub(super) fn per_object(scene: &Scene) -> Layout {
     let mut layout = Builder::new(scene);
     for (i, instance) in scene.instances.iter().enumerate() {
         let id = InstanceId(i as u32);
@@ -36,7 +35,7 @@ mod tests {
         builder.place(lamp, "left", at(1.0, 0.0, 0.0));
         builder.place(lamp, "right", at(2.0, 0.0, 0.0));
         let scene = builder.scene();
-        let layout = per_object(&scene, &Options::default());
+        let layout = per_object(&scene);
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["kept floor", "piece lamp.0", "piece lamp.1"]);
         assert_eq!(group_sizes(&scene, &layout), [4, 3, 2]);
@@ -51,7 +50,7 @@ mod tests {
         builder.place(lamp, "swinging", at(1.0, 0.0, 0.0)).pinned = Some(Pinned::Animated);
         builder.place(lamp, "still", at(2.0, 0.0, 0.0));
         let scene = builder.scene();
-        let layout = per_object(&scene, &Options::default());
+        let layout = per_object(&scene);
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["kept lamp", "piece lamp.0", "piece lamp.1"]);
     }

@@ -5,21 +5,21 @@
 
 use crate::layout::Layout;
 use crate::layout::builder::{Builder, Geometries, objects};
-use crate::methods::Options;
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::parts::{bake_part, parts};
+use crate::methods::{InstanceOptions, PartOptions};
 use crate::scene::{InstanceId, Scene};
 
 /// One group of all instances that are not pinned, with one geometry for each material, ordered by material. A
 /// material whose primitives differ in their vertex attributes gets one geometry for each kind. A lone instance
 /// needs no baking: it stays, with its geometries joined in the same way. What is set apart and what is not opaque
 /// become further groups where the options ask for it.
-pub(super) fn single(scene: &Scene, options: &Options) -> Layout {
-    bake_within_limits(scene, options, |bake| {
+pub(super) fn single(scene: &Scene, instances: &InstanceOptions, options: &PartOptions) -> Layout {
+    bake_within_limits(scene, instances, |bake| {
         let mut layout = Builder::new(scene);
         bake.place_left(&mut layout);
         let baked: Vec<_> = bake.baked().collect();
-        let whole = Options { one_geometry_a_group: false, ..options.clone() };
+        let whole = PartOptions { one_geometry_per_group: false, ..*options };
         match parts(scene, &baked, &whole).as_slice() {
             [] | [_] => join_all(scene, &baked, &mut layout),
             several => several.iter().for_each(|part| bake_part(scene, part, &mut layout)),
@@ -50,6 +50,7 @@ mod tests {
     use super::*;
     use crate::layout::test_scenes::*;
     use crate::layout::{Content, GroupGeometry};
+    use crate::methods::{Method, Options, run};
     use crate::scene::{Pinned, TriangleRef};
     use glam::{DAffine3, DVec3, Vec3};
 
@@ -62,7 +63,7 @@ mod tests {
 
     #[test]
     fn an_empty_scene_gives_an_empty_layout() {
-        assert!(single(&Scene::default(), &Options::default()).groups.is_empty());
+        assert!(run(Method::Single, &Scene::default(), &Options::default()).groups.is_empty());
     }
 
     #[test]
@@ -73,7 +74,7 @@ mod tests {
         builder.place(lamp, "left", at(1.0, 0.0, 0.0));
         builder.place(lamp, "mirrored", DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)));
         let scene = builder.scene();
-        let layout = single(&scene, &Options::default());
+        let layout = run(Method::Single, &scene, &Options::default());
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["baked scene"]);
         let sizes: Vec<_> = geometries(&layout, 0).iter().map(|g| (g.material, g.triangles.len())).collect();
@@ -88,7 +89,7 @@ mod tests {
         builder.object("with colours", 0, row(Vec3::Y, 2));
         let mut scene = builder.scene();
         scene.meshes[1].geometries[0].merge_class = 7;
-        let layout = single(&scene, &Options::default());
+        let layout = run(Method::Single, &scene, &Options::default());
         assert_eq!(layout.check(&scene), Ok(()));
         let classes: Vec<_> = geometries(&layout, 0).iter().map(|g| (g.material, g.merge_class)).collect();
         assert_eq!(classes, [(Some(0), 0), (Some(0), 7)]);
@@ -102,7 +103,7 @@ mod tests {
         let door = builder.mesh("door", vec![(0, row(Vec3::ZERO, 2))]);
         builder.place(door, "door", DAffine3::IDENTITY).pinned = Some(Pinned::Animated);
         let scene = builder.scene();
-        let layout = single(&scene, &Options::default());
+        let layout = run(Method::Single, &scene, &Options::default());
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["kept door", "baked scene"]);
     }
@@ -113,7 +114,7 @@ mod tests {
         let mesh = builder.mesh("all", vec![(0, row(Vec3::ZERO, 1)), (1, row(Vec3::X, 1))]);
         builder.place(mesh, "turned", DAffine3::from_rotation_x(1.0));
         let scene = builder.scene();
-        assert_eq!(group_names(&single(&scene, &Options::default())), ["kept all"]);
+        assert_eq!(group_names(&run(Method::Single, &scene, &Options::default())), ["kept all"]);
     }
 
     #[test]
@@ -122,7 +123,7 @@ mod tests {
         let mesh = builder.mesh("all", vec![(0, row(Vec3::ZERO, 1)), (1, row(Vec3::X, 1)), (0, row(Vec3::Y, 3))]);
         builder.place(mesh, "turned", DAffine3::from_rotation_x(1.0));
         let scene = builder.scene();
-        let layout = single(&scene, &Options::default());
+        let layout = run(Method::Single, &scene, &Options::default());
         assert_eq!(layout.check(&scene), Ok(()));
         assert_eq!(group_names(&layout), ["piece all"]);
         assert_eq!(geometries(&layout, 0).iter().map(|g| g.triangles.len()).collect::<Vec<_>>(), [4, 1]);

@@ -49,8 +49,7 @@ fn method(report: &BakeReport) -> String {
         DecidedBy::Request => format!("method {chosen}{and_copies}"),
         _ if id.is_input() && copies.is_some() => "auto chose the layout of the input, with copies shared".to_owned(),
         _ if id.is_input() => "auto chose the input as it is".to_owned(),
-        _ if id.to_string().starts_with(chosen) => format!("auto chose `{id}`{and_copies}"),
-        _ => format!("auto chose `{id}` (method {chosen}){and_copies}"),
+        _ => format!("auto chose `{id}`{and_copies}"),
     };
     let copies = copies.map(|pass| format!("copies: {}\n", pass.reason)).unwrap_or_default();
     format!("\n{}{copies}", paragraph(&format!("{how} ({reason})")))

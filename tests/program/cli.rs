@@ -37,6 +37,15 @@ fn help_names_every_command_method_and_option() {
 }
 
 #[test]
+fn an_option_that_does_not_apply_to_the_method_is_refused() {
+    let (ran, folder) = bake_heaps(&["--method", "single", "--entry-cost", "3"]);
+    assert_eq!((ran.status, folder_names(folder.path()).len()), (2, 0));
+    for word in ["--entry-cost", "--method single", "cluster; auto; single, bvh, overlap with --instances choose"] {
+        assert!(ran.stderr.contains(word), "{word} is missing in {}", ran.stderr);
+    }
+}
+
+#[test]
 fn version_is_that_of_the_package() {
     assert_eq!(raykiln(["--version"]).stdout, format!("raykiln {}\n", env!("CARGO_PKG_VERSION")));
 }

@@ -25,7 +25,8 @@ fn layouts(scene: &Scene) -> Vec<(String, Layout)> {
     let mut layouts = Vec::new();
     for method in Method::ALL {
         for instances in [Instances::BakeOrKeep, Instances::Choose] {
-            let options = methods::Options { instances, ..methods::Options::default() };
+            let mut options = methods::Options::default();
+            options.instances.shared = instances;
             let mut layout = methods::run(method, scene, &options);
             emit::settle(scene, &mut layout, MAX_ERROR_RATIO, Refuse::Instances);
             order_by_tree(scene, &mut layout);

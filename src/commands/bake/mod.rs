@@ -71,11 +71,11 @@ impl BakeOptions {
             repeats: verify.repeats,
             max_position_error_ratio: verify.max_position_error_ratio,
             max_bytes_ratio: choose.max_bytes_ratio(),
-            max_group_triangles: layout.max_group_triangles,
-            max_group_extent_ratio: layout.max_group_extent_ratio,
-            isolate: if_set(layout.isolate, choose.forbidden.isolate),
-            split_opacity: if_set(layout.split_opacity, choose.forbidden.split_opacity),
-            frames: layout.frames,
+            max_group_triangles: layout.cluster.max_group_triangles,
+            max_group_extent_ratio: layout.cluster.max_group_extent_ratio,
+            isolate: if_set(layout.parts.isolate, choose.forbidden.isolate),
+            split_opacity: if_set(layout.parts.split_opacity, choose.forbidden.split_opacity),
+            frames: layout.instances.frames,
             keep: self.load.keep.clone(),
         }
     }

@@ -11,11 +11,10 @@ use super::refit::Refit;
 use super::search;
 use super::soup::{Soup, Turned};
 use super::units::{self, Unit};
-use super::{Limits, PROHIBITIVE, WORTH_TURNING};
+use super::{Limits, WORTH_TURNING};
 use crate::cost::segments::Segment;
 use crate::layout::PlacedTrees;
 use crate::layout::builder::Object;
-use crate::methods::Options;
 use crate::methods::frames::{self, Search};
 use crate::scene::Scene;
 use crate::tree::{Quality, Tree};
@@ -55,9 +54,9 @@ struct Parts {
 const SAMPLE: usize = 1 << 14;
 
 impl Ground {
-    /// Of the triangles of some objects, to be cut at `least_entry` or more; `None` where one of them has a box that no tree
+    /// Of the triangles of some objects; `turns` says whether frames are looked for. `None` where one of them has a box that no tree
     /// can hold.
-    pub(super) fn new(scene: &Scene, objects: &[Object], options: &Options, least_entry: f64) -> Option<Ground> {
+    pub(super) fn new(scene: &Scene, objects: &[Object], turns: bool, turning: Turning) -> Option<Ground> {
         let soup = Soup::new(scene, objects);
         let tree_in =
             |frame: &Turned| Tree::build_from(soup.len(), Quality::Medium, &|triangle| soup.bounds_in(frame, triangle));
@@ -65,7 +64,7 @@ impl Ground {
         if tree.order.len() < soup.len() || tree.nodes.is_empty() {
             return None;
         }
-        let base = if options.frames { best_frame(&soup, &tree) } else { Turned::NOT };
+        let base = if turns { best_frame(&soup, &tree) } else { Turned::NOT };
         let (tree, along) = if base == Turned::NOT { (tree, None) } else { (tree_in(&base), Some(tree)) };
         let facts = facts::facts(&soup, &tree, &base);
         Some(Ground {
@@ -74,8 +73,8 @@ impl Ground {
             tree,
             along,
             facts,
-            turns: options.frames,
-            turning: Turning { fewest: options.min_turned_triangles, least_entry },
+            turns,
+            turning,
             parts: OnceCell::new(),
             rays: RefCell::default(),
         })
@@ -105,7 +104,7 @@ impl Ground {
     /// rays meet, where there are any.
     pub(super) fn cut(&self, limits: &Limits, segments: Option<&Arc<[Segment]>>) -> Vec<Group> {
         let triangles = self.facts.first().map_or(0, |root| root.triangles);
-        if limits.entry_cost >= PROHIBITIVE && limits.allow(triangles, self.extent()) {
+        if limits.whole && limits.allow(triangles, self.extent()) {
             return vec![Group { items: self.tree.order.clone(), frame: self.base }];
         }
         let by_rays = segments.map(|segments| self.by_rays(segments));
@@ -124,7 +123,7 @@ impl Ground {
         let others = [without_units, peeled];
         let all = others.into_iter().flatten();
         let (groups, _) = all.fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best });
-        let groups = if limits.search { search::improve(&self.soup, groups, limits) } else { groups };
+        let groups = if limits.improve { search::improve(&self.soup, groups, limits) } else { groups };
         in_bounds(groups, limits.max_triangles.max(1) as usize)
     }
 

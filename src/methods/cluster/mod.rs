@@ -26,10 +26,11 @@ use crate::cost::sah::TRAVERSAL;
 use crate::layout::builder::{Builder, Geometries, Object, group_name, objects};
 use crate::layout::{Layout, PlacedTrees};
 use crate::methods::instancing::bake_within_limits;
-use crate::methods::parts::{bake_part, parts};
-use crate::methods::{Options, single};
+use crate::methods::parts::{Part, bake_part, parts};
+use crate::methods::{ClusterOptions, InstanceOptions, Options, PartOptions, single};
 use crate::scene::{Bounds, InstanceId, Scene};
 use dynamic_programming::Group;
+use facts::Turning;
 use ground::Ground;
 use soup::{Soup, Turned};
 
@@ -39,8 +40,17 @@ const WORTH_TURNING: f64 = 0.97;
 /// Nodes of the TLAS that a group adds, each as large as its box.
 const TLAS_NODES: f64 = 2.0;
 
-/// From this entry cost on all triangles stay in one group, where bounds allow it.
-pub(super) const PROHIBITIVE: f64 = 1e6;
+/// Cost of entering a group beside which nothing else counts, so that bounds are kept with as few groups as can be.
+const FEWEST_GROUPS: f64 = 1e9;
+
+/// What triangles are put into groups for.
+#[derive(Clone, Copy, Debug)]
+enum Purpose {
+    /// Least predicted cost, given that of entering a group.
+    Groups { entry_cost: f64 },
+    /// One group in the frame that fits it best; as few as can be where bounds divide it.
+    Whole,
+}
 
 /// What groups are allowed to be; lengths in half diagonals of the scene.
 struct Limits {
@@ -53,17 +63,24 @@ struct Limits {
     /// Whether units may leave.
     units: bool,
     /// Whether groups are improved by local search.
-    search: bool,
+    improve: bool,
+    /// Whether all stays in one group if bounds allow it.
+    whole: bool,
 }
 
 impl Limits {
-    fn of(options: &Options, extent: f64) -> Limits {
+    fn of(options: &ClusterOptions, purpose: Purpose, extent: f64) -> Limits {
+        let entry_cost = match purpose {
+            Purpose::Groups { entry_cost } => entry_cost,
+            Purpose::Whole => FEWEST_GROUPS,
+        };
         Limits {
-            entry_cost: options.entry_cost,
+            entry_cost,
             min_turned: options.min_turned_triangles,
-            divide: options.divide,
-            search: options.search,
-            units: options.units,
+            divide: options.search.divide,
+            improve: options.search.improve,
+            units: options.search.units,
+            whole: matches!(purpose, Purpose::Whole),
             max_triangles: options.max_group_triangles.unwrap_or(u32::MAX),
             max_extent: options.max_group_extent_ratio.map_or(f64::INFINITY, |ratio| ratio * extent),
         }
@@ -103,10 +120,10 @@ type Key = (Vec<Object>, bool, u32);
 impl Cache {
     /// For runs with these options alone: what could pay in none of them is not looked for.
     pub fn serving<'a>(runs: impl IntoIterator<Item = &'a Options>) -> Cache {
-        let least = |o: &Options| {
+        let least = |Options { instances, cluster, .. }: &Options| {
             // What bounds divide is a group whatever it costs; by rays, areas tell little of what an entry is worth.
-            let bounded = o.max_group_triangles.is_some() || o.max_group_extent_ratio.is_some();
-            if bounded || o.segments.is_some() { LEAST_ENTRY } else { o.entry_cost }
+            let by_rays = cluster.search.segments.is_some();
+            if cluster.is_bounded() || by_rays { LEAST_ENTRY } else { instances.entry_cost }
         };
         Cache {
             least_entry: runs.into_iter().map(least).fold(f64::INFINITY, f64::min).max(LEAST_ENTRY),
@@ -114,13 +131,14 @@ impl Cache {
         }
     }
 
-    fn ground(&mut self, scene: &Scene, objects: &[Object], options: &Options) -> Option<Rc<Ground>> {
-        let serves = |key: &Key| (&*key.0, key.1, key.2) == (objects, options.frames, options.min_turned_triangles);
+    fn ground(&mut self, scene: &Scene, objects: &[Object], turns: bool, min_turned: u32) -> Option<Rc<Ground>> {
+        let serves = |key: &Key| (&*key.0, key.1, key.2) == (objects, turns, min_turned);
         if !self.last.as_ref().is_some_and(|(key, _)| serves(key)) {
             // The old one goes first: both at once could be too much.
             self.retire();
-            let ground = Ground::new(scene, objects, options, self.least_entry).map(Rc::new);
-            self.last = Some(((objects.to_vec(), options.frames, options.min_turned_triangles), ground));
+            let turning = Turning { fewest: min_turned, least_entry: self.least_entry };
+            let ground = Ground::new(scene, objects, turns, turning).map(Rc::new);
+            self.last = Some(((objects.to_vec(), turns, min_turned), ground));
         }
         self.last.as_ref().and_then(|(_, ground)| ground.clone())
     }
@@ -160,26 +178,67 @@ pub fn looseness(scene: &Scene) -> f64 {
 const SAMPLES: usize = 1 << 16;
 
 /// The groups of least predicted cost.
-pub(super) fn cluster(scene: &Scene, options: &Options, cache: &mut Cache) -> Layout {
-    let cache = std::cell::RefCell::new(cache);
-    let segments = options.segments.as_ref().filter(|segments| !segments.is_empty());
-    bake_within_limits(scene, options, |bake| {
-        let mut layout = Builder::new(scene);
-        bake.place_left(&mut layout);
-        let baked: Vec<InstanceId> = bake.baked().collect();
-        let parts = parts(scene, &baked, options);
-        for part in &parts {
-            let ground = cache.borrow_mut().ground(scene, &part.objects, options);
-            let groups = ground.as_ref().map_or(Vec::new(), |g| g.cut(&Limits::of(options, g.extent()), segments));
-            let whole = groups.is_empty() || (groups.len() == 1 && groups[0].frame == Turned::NOT);
-            match (ground, whole, parts.len()) {
-                (Some(ground), false, _) => push(scene, &part.objects, &ground.soup, &groups, &mut layout),
-                (_, _, 1) => single::join_all(scene, &baked, &mut layout),
-                _ => bake_part(scene, part, &mut layout),
+pub(super) fn cluster(
+    scene: &Scene,
+    instances: &InstanceOptions,
+    parts: &PartOptions,
+    options: &ClusterOptions,
+    cache: &mut Cache,
+) -> Layout {
+    let purpose = Purpose::Groups { entry_cost: instances.entry_cost };
+    Clustering { scene, instances, parts, options, purpose }.lay_out(cache)
+}
+
+/// One group of each part, in the frame that fits it best.
+pub(super) fn whole(
+    scene: &Scene,
+    instances: &InstanceOptions,
+    parts: &PartOptions,
+    options: &ClusterOptions,
+    cache: &mut Cache,
+) -> Layout {
+    Clustering { scene, instances, parts, options, purpose: Purpose::Whole }.lay_out(cache)
+}
+
+/// What is to be laid out, and how.
+struct Clustering<'a> {
+    scene: &'a Scene,
+    instances: &'a InstanceOptions,
+    parts: &'a PartOptions,
+    options: &'a ClusterOptions,
+    purpose: Purpose,
+}
+
+impl Clustering<'_> {
+    fn lay_out(&self, cache: &mut Cache) -> Layout {
+        let cache = std::cell::RefCell::new(cache);
+        bake_within_limits(self.scene, self.instances, |bake| {
+            let mut layout = Builder::new(self.scene);
+            bake.place_left(&mut layout);
+            let baked: Vec<InstanceId> = bake.baked().collect();
+            let parts = parts(self.scene, &baked, self.parts);
+            for part in &parts {
+                match (self.groups(part, &mut cache.borrow_mut()), parts.len()) {
+                    (Some((ground, groups)), _) => {
+                        push(self.scene, &part.objects, &ground.soup, &groups, &mut layout);
+                    }
+                    (None, 1) => single::join_all(self.scene, &baked, &mut layout),
+                    (None, _) => bake_part(self.scene, part, &mut layout),
+                }
             }
-        }
-        layout.finish()
-    })
+            layout.finish()
+        })
+    }
+
+    /// The groups of a part and what they were found in; `None` if it stays whole, along the axes of the world.
+    fn groups(&self, part: &Part, cache: &mut Cache) -> Option<(Rc<Ground>, Vec<Group>)> {
+        let ground =
+            cache.ground(self.scene, &part.objects, self.instances.frames, self.options.min_turned_triangles)?;
+        let segments = self.options.search.segments.as_ref().filter(|segments| !segments.is_empty());
+        let groups = ground.cut(&Limits::of(self.options, self.purpose, ground.extent()), segments);
+        let is_whole = groups.is_empty() || (groups.len() == 1 && groups[0].frame == Turned::NOT);
+        (!is_whole).then_some((ground, groups))
+    }
 }
 
 /// Adds groups to a layout.

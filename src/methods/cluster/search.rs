@@ -302,7 +302,8 @@ mod tests {
     use super::*;
     use crate::layout::builder::objects;
     use crate::layout::test_scenes::SceneBuilder;
-    use crate::methods::Options;
+    use crate::methods::ClusterOptions;
+    use crate::methods::cluster::Purpose;
     use crate::scene::InstanceId;
 
     /// Piles of eight triangles, at these points: what lies in one place is never better divided.
@@ -319,7 +320,11 @@ mod tests {
     }
 
     fn limits(entry_cost: f64) -> Limits {
-        Limits::of(&Options { entry_cost, min_turned_triangles: 1, ..Options::default() }, 2.0)
+        Limits::of(
+            &ClusterOptions { min_turned_triangles: 1, ..ClusterOptions::default() },
+            Purpose::Groups { entry_cost },
+            2.0,
+        )
     }
 
     fn group(items: std::ops::Range<u32>) -> Group {

@@ -5,10 +5,18 @@ use glam::{DMat3, DVec3, EulerRot, Vec3};
 use super::*;
 use crate::layout::Content;
 use crate::layout::test_scenes::*;
-use crate::methods::{Method, run};
+use crate::methods::{Method, SingleOptions, run};
 
 fn options() -> Options {
-    Options { entry_cost: 2.0, ..Options::default() }
+    entering(2.0)
+}
+
+fn entering(entry_cost: f64) -> Options {
+    Options { instances: InstanceOptions { entry_cost, ..InstanceOptions::default() }, ..Options::default() }
+}
+
+fn bounded(cluster: ClusterOptions, entry_cost: f64) -> Options {
+    Options { cluster, ..entering(entry_cost) }
 }
 
 fn checked(scene: &Scene, options: &Options) -> Layout {
@@ -80,7 +88,7 @@ fn nothing_gives_nothing() {
 fn what_lies_along_the_axes_becomes_what_single_makes_of_it() {
     let scene = stack();
     let single = run(Method::Single, &scene, &options());
-    let layout = checked(&scene, &Options { entry_cost: 15.0, ..options() });
+    let layout = checked(&scene, &entering(15.0));
     assert_eq!(group_names(&layout), group_names(&single));
     assert!(!frames(&layout).iter().any(is_turned));
 }
@@ -89,7 +97,8 @@ fn what_lies_along_the_axes_becomes_what_single_makes_of_it() {
 fn a_turned_scene_is_stored_in_its_own_frame() {
     let rotation = turned([0.5, 0.3, 0.8]);
     let scene = one_object(walls(rotation));
-    let layout = checked(&scene, &Options { entry_cost: 1e9, ..options() });
+    let turned = SingleOptions { turned: true };
+    let layout = run(Method::Single, &scene, &Options { single: turned, ..Options::default() });
     assert_eq!(layout.groups.len(), 1);
     let between = frames(&layout)[0].transpose() * rotation;
     let along_axes = between.to_cols_array().iter().all(|c| c.abs() < 1e-5 || c.abs() > 1.0 - 1e-5);
@@ -99,7 +108,8 @@ fn a_turned_scene_is_stored_in_its_own_frame() {
 #[test]
 fn frames_can_be_forbidden() {
     let scene = one_object(walls(turned([0.5, 0.3, 0.8])));
-    let layout = checked(&scene, &Options { frames: false, ..options() });
+    let layout =
+        checked(&scene, &Options { instances: InstanceOptions { frames: false, ..options().instances }, ..options() });
     assert!(!frames(&layout).iter().any(is_turned));
 }
 
@@ -113,7 +123,7 @@ fn turned_furniture_leaves_an_aligned_room() {
     let turned: Vec<usize> = (0..layout.groups.len()).filter(|&g| is_turned(&frames(&layout)[g])).collect();
     let sizes = group_sizes(&scene, &layout);
     assert_eq!(turned.iter().map(|&g| sizes[g]).sum::<usize>(), 800, "{:?}", group_names(&layout));
-    let dear = checked(&scene, &Options { entry_cost: 1e5, ..options() });
+    let dear = checked(&scene, &entering(1e5));
     assert!(!frames(&dear).iter().any(is_turned), "an entry that dear pays for nothing");
 }
 
@@ -132,11 +142,17 @@ fn pinned_instances_stay_as_they_are() {
 fn bounds_on_groups_hold() {
     let scene = one_object(walls(DMat3::IDENTITY));
     for most in [1, 7, 100, 511, 1025, 5000] {
-        let layout = checked(&scene, &Options { max_group_triangles: Some(most), ..options() });
+        let layout = checked(
+            &scene,
+            &bounded(ClusterOptions { max_group_triangles: Some(most), ..ClusterOptions::default() }, 2.0),
+        );
         let largest = group_sizes(&scene, &layout).into_iter().max().unwrap_or(0);
         assert!(largest <= most as usize, "{largest} of {most}");
     }
-    let layout = checked(&scene, &Options { max_group_extent_ratio: Some(0.2), ..options() });
+    let layout = checked(
+        &scene,
+        &bounded(ClusterOptions { max_group_extent_ratio: Some(0.2), ..ClusterOptions::default() }, 2.0),
+    );
     let extent = scene.bounds().size().max_element();
     assert!(layout.groups.len() > 4);
     for bounds in placed_bounds(&scene, &layout) {
@@ -148,7 +164,10 @@ fn bounds_on_groups_hold() {
 fn one_triangle_too_many_costs_one_small_group() {
     let scene = stack();
     let all = scene.triangles_placed() as u32;
-    let layout = checked(&scene, &Options { max_group_triangles: Some(all - 1), entry_cost: 15.0, ..options() });
+    let layout = checked(
+        &scene,
+        &bounded(ClusterOptions { max_group_triangles: Some(all - 1), ..ClusterOptions::default() }, 15.0),
+    );
     let mut sizes = group_sizes(&scene, &layout);
     sizes.sort_unstable();
     assert!(sizes.len() == 2 && sizes[0] <= 8, "{sizes:?}");
@@ -191,11 +210,12 @@ fn size_and_threads_do_not_matter() {
 #[test]
 fn a_cache_changes_nothing() {
     let scene = one_object(walls(turned([0.5, 0.3, 0.8])));
-    let runs = [1e9, 15.0, 4.0].map(|entry_cost| Options { entry_cost, ..Options::default() });
-    let mut cache = Cache::serving(&runs);
-    for told in runs {
-        let cached = super::super::run_with(&mut cache, Method::Cluster, &scene, &told);
-        let fresh = run(Method::Cluster, &scene, &told);
+    let turned = Options { single: SingleOptions { turned: true }, ..Options::default() };
+    let runs = [(Method::Single, turned), (Method::Cluster, entering(15.0)), (Method::Cluster, entering(4.0))];
+    let mut cache = Cache::serving(runs.iter().map(|run| &run.1));
+    for (method, told) in runs {
+        let cached = super::super::run_with(&mut cache, method, &scene, &told);
+        let fresh = run(method, &scene, &told);
         assert!(cached.groups.iter().zip(&fresh.groups).all(|(a, b)| a.content == b.content));
         assert_eq!(cached.placements, fresh.placements);
     }

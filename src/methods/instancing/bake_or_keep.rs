@@ -6,12 +6,12 @@
 use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
 use crate::cost::bytes;
 use crate::layout::Layout;
-use crate::methods::Options;
+use crate::methods::InstanceOptions;
 use crate::scene::{Instance, Scene};
 
 /// Runs a method on as many instances as the limits allow. The predicted bytes of its own result decide: if they
 /// exceed the limit although the estimate did not, the most expensive meshes are left instanced and it runs again.
-pub(super) fn run(scene: &Scene, options: &Options, method: impl Fn(&Selection) -> Layout) -> Layout {
+pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Selection) -> Layout) -> Layout {
     let candidates = candidates(scene);
     let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
     let within_memory = prefix(&candidates, |sum| sum.fits_memory());
@@ -141,6 +141,7 @@ fn note(left: &[Candidate], why: &str) -> Option<String> {
 mod tests {
     use super::*;
     use crate::layout::test_scenes::*;
+    use crate::methods::PartOptions;
     use crate::methods::single::single;
     use crate::scene::Pinned;
     use glam::{DAffine3, Vec3};
@@ -156,8 +157,13 @@ mod tests {
         builder
     }
 
+    fn run_single(scene: &Scene, max_bytes_ratio: Option<f64>) -> Layout {
+        let instances = InstanceOptions { max_bytes_ratio, ..InstanceOptions::default() };
+        single(scene, &instances, &PartOptions::default())
+    }
+
     fn with_ratio(scene: &Scene, ratio: f64) -> Layout {
-        let layout = single(scene, &Options { max_bytes_ratio: Some(ratio), ..Options::default() });
+        let layout = run_single(scene, Some(ratio));
         assert_eq!(layout.check(scene), Ok(()));
         layout
     }
@@ -165,7 +171,7 @@ mod tests {
     #[test]
     fn without_a_limit_every_instance_is_baked() {
         let scene = instanced().scene();
-        let layout = single(&scene, &Options::default());
+        let layout = run_single(&scene, None);
         assert_eq!(group_names(&layout), ["baked scene"]);
         assert!(layout.notes.is_empty());
     }
@@ -216,7 +222,7 @@ mod tests {
         let mesh = builder.mesh("mesh", vec![(0, row(Vec3::ZERO, 10_000))]);
         (0..10_000).for_each(|_| drop(builder.place(mesh, "copy", DAffine3::IDENTITY).name.clone()));
         let scene = builder.scene();
-        let layout = single(&scene, &Options::default());
+        let layout = run_single(&scene, None);
         assert_eq!(group_names(&layout), ["kept mesh"]);
         assert_eq!(
             layout.notes,

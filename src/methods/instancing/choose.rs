@@ -18,7 +18,7 @@ use crate::cost::overlap;
 use crate::cost::segments::{self, Boxed, Segment};
 use crate::layout::Layout;
 use crate::layout::builder::Part;
-use crate::methods::Options;
+use crate::methods::InstanceOptions;
 use crate::scene::{InstanceId, MeshId, Scene};
 use crate::tree::Quality;
 use rayon::prelude::*;
@@ -52,7 +52,7 @@ const MOST_PLACEMENTS: u64 = 1 << 22;
 const MOST_ROUNDS: usize = 4;
 
 /// Runs a method on the instances chosen to be baked.
-pub(super) fn run(scene: &Scene, options: &Options, method: impl Fn(&Selection) -> Layout) -> Layout {
+pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Selection) -> Layout) -> Layout {
     let candidates = Candidates::of(scene, options);
     let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
     let mut allowed = most_bytes - placed_bytes(scene) as f64;
@@ -101,7 +101,7 @@ pub(super) struct Candidates {
 }
 
 impl Candidates {
-    pub(super) fn of(scene: &Scene, options: &Options) -> Candidates {
+    pub(super) fn of(scene: &Scene, options: &InstanceOptions) -> Candidates {
         let mut instances: Vec<Vec<InstanceId>> = vec![Vec::new(); scene.meshes.len()];
         (0u32..).zip(&scene.instances).for_each(|(i, at)| instances[at.mesh.0 as usize].push(InstanceId(i)));
         let uses: Vec<usize> = instances.iter().map(Vec::len).collect();
@@ -123,7 +123,7 @@ impl Candidates {
     }
 
     /// Finds the plans of all meshes.
-    fn look(&mut self, scene: &Scene, options: &Options, uses: &[usize]) {
+    fn look(&mut self, scene: &Scene, options: &InstanceOptions, uses: &[usize]) {
         let boxes = scene.instance_boxes();
         let areas: f64 = self.meshes.iter().flat_map(|m| &m.instances).map(|i| boxes[i.0 as usize].area()).sum();
         let overlaps = overlap::shared_area(&boxes) > APART * areas;
@@ -210,7 +210,7 @@ fn look_at(
     pinned: u64,
     segments: &[Segment],
     most_boxes: usize,
-    options: &Options,
+    options: &InstanceOptions,
 ) -> Option<LookedAt> {
     let mesh = &scene.meshes[candidate.id.0 as usize];
     if tree.tree.order.len() < mesh.triangle_count() || segments.is_empty() {

@@ -2,7 +2,7 @@
 //!
 //! A mesh that one instance places costs nothing to restructure: the method gets it. For a mesh that several place,
 //! [`Instances`] says who decides: [`bake_or_keep`] bakes all of its instances or none, [`choose`] weighs keeping,
-//! opening and baking them against each other. Either holds two limits: [`Options::max_bytes_ratio`] is the user's,
+//! opening and baking them against each other. Either holds two limits: [`InstanceOptions::max_bytes_ratio`] is the user's,
 //! and [`MOST_COPIED_TRIANGLES`] keeps a small file of many instances of a large mesh from exhausting memory.
 
 mod bake_or_keep;
@@ -19,7 +19,7 @@ mod tests;
 use crate::cost::bytes;
 use crate::layout::Layout;
 use crate::layout::builder::{Builder, Part};
-use crate::methods::{Instances, Options};
+use crate::methods::{InstanceOptions, Instances};
 use crate::scene::{Bounds, InstanceId, Scene};
 use glam::DAffine3;
 
@@ -94,9 +94,13 @@ impl Selection {
     }
 }
 
-/// Runs a method on as many instances as the limits and [`Options::instances`] allow.
-pub(super) fn bake_within_limits(scene: &Scene, options: &Options, method: impl Fn(&Selection) -> Layout) -> Layout {
-    match options.instances {
+/// Runs a method on as many instances as the limits and [`InstanceOptions::shared`] allow.
+pub(super) fn bake_within_limits(
+    scene: &Scene,
+    options: &InstanceOptions,
+    method: impl Fn(&Selection) -> Layout,
+) -> Layout {
+    match options.shared {
         Instances::BakeOrKeep => bake_or_keep::run(scene, options, method),
         Instances::Choose => choose::run(scene, options, method),
     }

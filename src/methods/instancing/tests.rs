@@ -11,15 +11,20 @@ use crate::layout::builder::Builder;
 use crate::layout::test_scenes::*;
 use crate::layout::{Content, Layout};
 use crate::methods::single::{join_all, single};
-use crate::methods::{Instances, Method, Options, run};
+use crate::methods::{InstanceOptions, Instances, Method, Options, PartOptions, run};
 use crate::scene::{Pinned, Scene};
 
-fn choose(max_bytes_ratio: Option<f64>) -> Options {
-    Options { max_bytes_ratio, instances: Instances::Choose, ..Options::default() }
+fn choose(max_bytes_ratio: Option<f64>) -> InstanceOptions {
+    InstanceOptions { max_bytes_ratio, shared: Instances::Choose, ..InstanceOptions::default() }
+}
+
+/// `single` with these instances.
+fn single_with(scene: &Scene, instances: &InstanceOptions) -> Layout {
+    single(scene, instances, &PartOptions::default())
 }
 
 fn chosen(scene: &Scene, max_bytes_ratio: Option<f64>) -> Layout {
-    let layout = single(scene, &choose(max_bytes_ratio));
+    let layout = single_with(scene, &choose(max_bytes_ratio));
     assert_eq!(layout.check(scene), Ok(()));
     layout
 }
@@ -197,7 +202,7 @@ fn the_choice_is_the_same_for_any_number_of_threads() {
 #[test]
 fn baked_and_opened_instances_of_one_mesh_are_together_all_there() {
     let scene = knots(100, 0.7).scene();
-    let candidates = Candidates::of(&scene, &Options::default());
+    let candidates = Candidates::of(&scene, &InstanceOptions::default());
     let mixed = candidates.meshes[0]
         .plans
         .iter()
@@ -221,7 +226,7 @@ proptest! {
     #[test]
     fn every_choice_of_every_scene_is_whole(scene in any_scene(), ratio in prop_oneof![Just(None), (0.5..4.0).prop_map(Some)]) {
         for method in [Method::Single, Method::Bvh, Method::Overlap, Method::Cluster] {
-            let layout = run(method, &scene, &choose(ratio));
+            let layout = run(method, &scene, &Options { instances: choose(ratio), ..Options::default() });
             prop_assert_eq!(layout.check(&scene), Ok(()));
         }
     }
@@ -240,7 +245,7 @@ fn pieces_are_stored_in_frames_that_their_instances_undo() {
     assert!(error.refused.is_empty() && error.error > 0.0 && error.error < 1e-6 * scene.bounds().diagonal());
     let refused = crate::emit::settle(&scene, &mut layout.clone(), 0.0, crate::emit::Refuse::Instances).refused;
     assert_eq!(refused.len(), 201, "without any error allowed no instance may be stored in frames");
-    let unturned = single(&scene, &Options { frames: false, ..choose(Some(15.0)) });
+    let unturned = single_with(&scene, &InstanceOptions { frames: false, ..choose(Some(15.0)) });
     assert!(unturned.groups.iter().all(|g| g.content.piece_frame() == DAffine3::IDENTITY));
 }
 
@@ -272,9 +277,9 @@ fn a_turned_mesh_is_stored_in_the_frame_that_fits_it_for_all_its_instances() {
 #[test]
 fn a_given_number_of_pieces_is_for_all_instances_or_none() {
     let scene = knots(200, 0.6).scene();
-    let options = |ratio| Options { pieces: Some(16), ..choose(Some(ratio)) };
+    let options = |ratio| InstanceOptions { pieces: Some(16), ..choose(Some(ratio)) };
     let count = |ratio, kind: &str| {
-        let names = group_names(&single(&scene, &options(ratio)));
+        let names = group_names(&single_with(&scene, &options(ratio)));
         names.iter().filter(|name| name.starts_with(kind)).count()
     };
     assert_eq!((count(30.0, "piece"), count(30.0, "kept")), (16, 0));
