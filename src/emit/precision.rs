@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::layout::store::{Store, rounding_error};
 use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 
 /// What [`settle`] did.
@@ -122,7 +123,7 @@ fn rounded(scene: &Scene, content: &Content, limits: &[f64]) -> Rounded {
         let error = store.corners_of(at).into_iter().map(rounding_error).fold(0.0, f64::max);
         all.with(InstanceId(at.instance), error, limits[at.instance as usize])
     };
-    let triangles = geometries.par_iter().flat_map(|g| g.triangles.par_iter());
+    let triangles = geometries.par_iter().flat_map(|g| g.triangles.par_iter().with_min_len(CHEAP_ELEMENTS));
     triangles.fold(Rounded::default, of_triangle).reduce(Rounded::default, Rounded::and)
 }
 
@@ -150,7 +151,7 @@ pub(super) fn stretch(placement: &Placement) -> f64 {
 fn bounds(scene: &Scene, geometries: &[GroupGeometry]) -> Bounds {
     geometries
         .par_iter()
-        .flat_map(|g| g.triangles.par_iter())
+        .flat_map(|g| g.triangles.par_iter().with_min_len(CHEAP_ELEMENTS))
         .map(|&at| Bounds::of(scene.world_corners(at)))
         .reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
 }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::{Content, GroupGeometry};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Geometry, MeshId, Origin, Scene, TriangleRef};
 
 /// The triangles of a group in the order in which they are written.
@@ -93,13 +94,17 @@ impl<'a> Store<'a> {
 
     /// The box of every triangle, in the coordinates of the group.
     pub fn boxes(&self) -> Vec<Bounds> {
-        (0..self.len()).into_par_iter().map(|t| Bounds::of(self.corners(t))).collect()
+        self.par_boxes().collect()
     }
 
     /// The box around all triangles, in the coordinates of the group.
     pub fn bounds(&self) -> Bounds {
-        let boxes = (0..self.len()).into_par_iter().map(|t| Bounds::of(self.corners(t)));
-        boxes.reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
+        self.par_boxes().reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
+    }
+
+    fn par_boxes(&self) -> impl IndexedParallelIterator<Item = Bounds> {
+        let box_of = |triangle| Bounds::of(self.corners(triangle));
+        (0..self.len()).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(box_of)
     }
 
     /// The vertices of a geometry, numbered in the order of first use. `visit` is told of every triangle, in order: the

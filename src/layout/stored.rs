@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::store::{Store, Vertices};
 use crate::layout::{Content, GroupGeometry, Layout};
+use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Mesh, MeshId, Scene};
 
 /// The scene of a layout: one mesh for each group, one instance for each placement, in their order; positions as they
@@ -50,7 +51,7 @@ fn geometry(store: &Store, of: &GroupGeometry) -> Geometry {
         material: of.material,
         opacity: of.opacity,
         merge_class: of.merge_class,
-        positions: vertices.list.par_iter().map(stored).collect(),
+        positions: vertices.list.par_iter().with_min_len(CHEAP_ELEMENTS).map(stored).collect(),
         alpha: alpha(&vertices),
         triangles: vertices.triangles,
         ..Geometry::default()
