@@ -230,8 +230,8 @@ mod tests {
     use crate::layout::BlasPer;
     use crate::layout::{Content, Group, Layout};
     use crate::methods::{Method, Options};
-    use crate::verify::Lap;
-    use crate::verify::speed::{KindSpeed, Kinds};
+    use crate::verify::speed::KindSpeed;
+    use crate::verify::{Lap, PerKind};
 
     fn candidate(
         name: &'static str,
@@ -281,8 +281,7 @@ mod tests {
     fn timed(mut candidate: Candidate, speedup_ratio: f64) -> Candidate {
         let kind =
             KindSpeed { before_mrays_per_s: 1.0, after_mrays_per_s: speedup_ratio, speedup_ratio, spread_ratio: 0.01 };
-        candidate.lap =
-            Some(Lap { kinds: Kinds { primary: kind, shadow: kind, diffuse: kind, random: kind }, built: None });
+        candidate.lap = Some(Lap { kinds: PerKind::of(|_| kind), built: None });
         candidate
     }
 

@@ -9,6 +9,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::layout::BlasPer;
+use crate::verify::PerKind;
 use crate::verify::cpu::{CpuTracer, Steps, TwoLevel};
 use crate::verify::rays::{Ray, RayKind, Rays};
 use crate::verify::weights::Weights;
@@ -82,16 +83,16 @@ impl Class {
         }
     }
 
-    /// The table of prices, in the order of [`RayKind::ALL`]. `raykiln lab` fits them: see `docs/lab.md`.
-    pub fn prices(self) -> [Prices; 4] {
+    /// The table of prices. `raykiln lab` fits them: see `docs/lab.md`.
+    pub fn prices(self) -> PerKind<Prices> {
         let prices = |ray, top, entry, bottom| Prices { ray, top, entry, bottom };
         match self {
-            Class::NoRtCores => [
-                prices(0.0, 5.3, 17.5, 10.2),
-                prices(0.0, 6.4, 19.4, 10.1),
-                prices(0.0, 10.3, 34.8, 13.4),
-                prices(8.8, 12.1, 0.0, 13.9),
-            ],
+            Class::NoRtCores => PerKind::of(|kind| match kind {
+                RayKind::Primary => prices(0.0, 5.3, 17.5, 10.2),
+                RayKind::Shadow => prices(0.0, 6.4, 19.4, 10.1),
+                RayKind::Diffuse => prices(0.0, 10.3, 34.8, 13.4),
+                RayKind::Random => prices(8.8, 12.1, 0.0, 13.9),
+            }),
             Class::RtCores => {
                 Class::NoRtCores.prices().map(|p| Prices { top: 0.5 * p.top, bottom: 0.5 * p.bottom, ..p })
             }
@@ -115,11 +116,11 @@ impl Ranking<'_> {
     pub(super) fn picoseconds(&self, trees: &TwoLevel) -> f64 {
         let tracer = CpuTracer::new(trees);
         let prices = self.class.prices();
-        let of_kind = |i: usize| match self.weights.0[i] {
+        let of_kind = |kind: RayKind| match self.weights.0[kind] {
             0.0 => 0.0,
-            _ => prices[i].of(&Counts::of(&tracer, &self.rays.kinds[i], RayKind::ALL[i])),
+            _ => prices[kind].of(&Counts::of(&tracer, &self.rays.kinds[kind], kind)),
         };
-        self.weights.mean([0, 1, 2, 3].map(of_kind))
+        self.weights.mean(&PerKind::of(of_kind))
     }
 }
 
@@ -182,7 +183,7 @@ mod tests {
 
     #[test]
     fn every_class_charges_for_every_node() {
-        for prices in Class::ALL.map(Class::prices).concat() {
+        for prices in Class::ALL.iter().flat_map(|class| class.prices().values().copied().collect::<Vec<_>>()) {
             let all = [prices.ray, prices.top, prices.entry, prices.bottom];
             assert!(all.iter().all(|p| *p >= 0.0) && prices.top > 0.0 && prices.bottom > 0.0);
         }

@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 use super::plans::Plan;
 use crate::cost::segments::Segment;
 use crate::verify::cpu::{Reference, TwoLevel};
-use crate::verify::rays::{Ray, Rays};
+use crate::verify::rays::{Ray, RayKind, Rays};
 use crate::verify::weights::Weights;
 
 /// Rays that hit nothing count up to this many radii of the scene.
@@ -31,8 +31,9 @@ pub(crate) fn given(plans: &[Plan], trees: &TwoLevel, rays: &Rays, weights: &Wei
 
 fn segments(trees: &TwoLevel, rays: &Rays, weights: &Weights) -> Vec<Segment> {
     let reference = Reference::new(trees);
-    let most = weights.0.into_iter().fold(0.0, f64::max);
-    let of_kind = |(rays_of_kind, weight): (&Vec<Ray>, f64)| {
+    let most = weights.largest();
+    let of_kind = |(kind, rays_of_kind): (RayKind, &Vec<Ray>)| {
+        let weight = weights.0[kind];
         let count = (rays_of_kind.len() as f64 * weight / most).round() as usize;
         let some: Vec<Ray> = evenly(rays_of_kind, count).copied().collect();
         let ends = reference.closest(&some);
@@ -40,7 +41,7 @@ fn segments(trees: &TwoLevel, rays: &Rays, weights: &Weights) -> Vec<Segment> {
         let segment = |(ray, hit): (&Ray, Option<_>)| segment(ray, hit.unwrap_or(end(ray)));
         some.iter().zip(ends.into_iter().map(|hit| hit.map(|hit| hit.t))).map(segment).collect::<Vec<_>>()
     };
-    rays.kinds.iter().zip(weights.0).filter(|(_, weight)| *weight > 0.0).flat_map(of_kind).collect()
+    rays.kinds.iter().filter(|(kind, _)| weights.0[*kind] > 0.0).flat_map(of_kind).collect()
 }
 
 fn segment(ray: &Ray, length: f64) -> Segment {
@@ -71,15 +72,19 @@ mod tests {
         let trees = TwoLevel::build(&scene);
         let rays = rays::generate(&scene, &Reference::new(&trees), 64, 1);
         let of = |weights: [f64; 4]| {
-            let given =
-                given(&plans(Effort::new(6), &Options::default()), &trees, &rays, &Weights(weights), DVec3::ZERO);
-            let lengths =
-                given.iter().filter_map(|plan| plan.options.cluster.search.segments.as_ref()).map(|s| s.len());
+            let given = given(
+                &plans(Effort::new(6), &Options::default()),
+                &trees,
+                &rays,
+                &Weights(weights.into()),
+                DVec3::ZERO,
+            );
+            let lengths = given.iter().filter_map(|plan| plan.options.cluster.search.segments.as_ref()).map(|s| s.len());
             let lengths: Vec<usize> = lengths.collect();
             assert!(lengths.iter().all(|&len| len == lengths[0]) && lengths.len() > 2);
             lengths[0]
         };
-        let all: [usize; 4] = rays.kinds.each_ref().map(Vec::len);
+        let all: Vec<usize> = rays.kinds.values().map(Vec::len).collect();
         assert_eq!(of([1.0, 1.0, 1.0, 0.0]), all[..3].iter().sum::<usize>());
         assert_eq!(of([0.0, 0.0, 0.0, 0.5]), all[3]);
         assert_eq!(of([1.0, 0.0, 0.0, 0.25]), all[0] + all[3] / 4);

@@ -10,8 +10,9 @@ use serde::Serialize;
 
 use super::nnls;
 use super::quality::{Quality, Times, quality};
-use super::rows::{Row, by_scene};
+use super::rows::{KindRow, Row, by_scene};
 use crate::choose::model::{Class, Counts, Prices};
+use crate::verify::PerKind;
 use crate::verify::rays::RayKind;
 use crate::verify::weights::Weights;
 
@@ -91,7 +92,7 @@ pub enum FitError {
 /// A layout: by kind of rays what they meet and how many picoseconds they take.
 #[derive(Clone, Debug, PartialEq)]
 struct Sample {
-    kinds: [(Counts, f64); 4],
+    kinds: PerKind<(Counts, f64)>,
     single: bool,
 }
 
@@ -109,17 +110,13 @@ pub(super) fn fit(rows: &[Row], class: Class) -> Result<Fit, FitError> {
     if scenes.len() < 2 {
         return Err(FitError::TooFewScenes { scenes: scenes.len() });
     }
-    let fitted: Vec<[Prices; 4]> = (0..scenes.len()).map(|out| prices_without(&scenes, out)).collect();
+    let fitted: Vec<PerKind<Prices>> = (0..scenes.len()).map(|out| prices_without(&scenes, out)).collect();
     let table = class.prices();
     let predicted = |weights: &Weights| Predicted {
         left_out: quality(&times(&scenes, weights, |scene| &fitted[scene])),
         by_table: quality(&times(&scenes, weights, |_| &table)),
     };
-    let kind = |kind: usize| {
-        let mut only = Weights([0.0; 4]);
-        only.0[kind] = 1.0;
-        kind_fit(&all, kind, table[kind], predicted(&only))
-    };
+    let kind = |kind| kind_fit(&all, kind, table[kind], predicted(&Weights::only(kind)));
     Ok(Fit {
         schema: SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -128,21 +125,21 @@ pub(super) fn fit(rows: &[Row], class: Class) -> Result<Fit, FitError> {
         device_kind: rows[0].device_kind,
         layouts: all.len(),
         scenes: scenes.len(),
-        kinds: (0..4).map(kind).collect(),
+        kinds: RayKind::ALL.map(kind).to_vec(),
         overall: predicted(&Weights::default()),
     })
 }
 
 /// Prices of all kinds, fitted to all scenes but one.
-fn prices_without(scenes: &[Vec<Sample>], out: usize) -> [Prices; 4] {
+fn prices_without(scenes: &[Vec<Sample>], out: usize) -> PerKind<Prices> {
     let others: Vec<&Sample> = scenes[..out].iter().chain(&scenes[out + 1..]).flatten().collect();
-    [0, 1, 2, 3].map(|kind| prices(&others, kind))
+    PerKind::of(|kind| prices(&others, kind))
 }
 
-fn kind_fit(samples: &[&Sample], kind: usize, table: Prices, predicted: Predicted) -> KindFit {
+fn kind_fit(samples: &[&Sample], kind: RayKind, table: Prices, predicted: Predicted) -> KindFit {
     let prices = prices(samples, kind);
     KindFit {
-        kind: RayKind::ALL[kind].name(),
+        kind: kind.name(),
         prices,
         rms_relative_error: rms_relative_error(samples, kind, &prices),
         table,
@@ -153,13 +150,13 @@ fn kind_fit(samples: &[&Sample], kind: usize, table: Prices, predicted: Predicte
 
 /// What a row says; none unless every kind of rays was timed.
 fn sample(row: &Row) -> Option<Sample> {
-    let kinds = row.kinds.each().map(|of| Some((of.counts(), of.picoseconds.filter(|t| *t > 0.0)?)));
-    let [Some(primary), Some(shadow), Some(diffuse), Some(random)] = kinds else { return None };
-    Some(Sample { kinds: [primary, shadow, diffuse, random], single: row.is("single") })
+    let timed = |of: &KindRow| Some((of.counts(), of.picoseconds.filter(|t| *t > 0.0)?));
+    let kinds = PerKind::try_of(|kind| timed(&row.kinds[kind]).ok_or(())).ok()?;
+    Some(Sample { kinds, single: row.is("single") })
 }
 
 /// The prices of least squared relative error.
-fn prices(samples: &[&Sample], kind: usize) -> Prices {
+fn prices(samples: &[&Sample], kind: RayKind) -> Prices {
     let relative = |sample: &&Sample| {
         let (met, measured) = sample.kinds[kind];
         [1.0, met.top, met.entries, met.bottom].map(|count| count / measured)
@@ -169,19 +166,19 @@ fn prices(samples: &[&Sample], kind: usize) -> Prices {
     Prices { ray, top, entry, bottom }
 }
 
-fn rms_relative_error(samples: &[&Sample], kind: usize, prices: &Prices) -> f64 {
+fn rms_relative_error(samples: &[&Sample], kind: RayKind, prices: &Prices) -> f64 {
     let squared = |s: &&Sample| (prices.of(&s.kinds[kind].0) / s.kinds[kind].1 - 1.0).powi(2);
     (samples.iter().map(squared).sum::<f64>() / samples.len() as f64).sqrt()
 }
 
 /// Measured and predicted times in the weighted mean over the kinds, of the scenes that have a single BLAS.
-fn times<'p>(scenes: &[Vec<Sample>], weights: &Weights, prices: impl Fn(usize) -> &'p [Prices; 4]) -> Vec<Times> {
+fn times<'p>(scenes: &[Vec<Sample>], weights: &Weights, prices: impl Fn(usize) -> &'p PerKind<Prices>) -> Vec<Times> {
     let of_scene = |(scene, samples): (usize, &Vec<Sample>)| {
         let prices = prices(scene);
-        let predicted = |s: &Sample| weights.mean([0, 1, 2, 3].map(|k| prices[k].of(&s.kinds[k].0)));
+        let predicted = |s: &Sample| weights.mean(&PerKind::of(|kind| prices[kind].of(&s.kinds[kind].0)));
         Some(Times {
             single: samples.iter().position(|s| s.single)?,
-            measured: samples.iter().map(|s| weights.mean(s.kinds.map(|k| k.1))).collect(),
+            measured: samples.iter().map(|s| weights.mean(&s.kinds.map(|k| k.1))).collect(),
             predicted: samples.iter().map(predicted).collect(),
         })
     };
@@ -190,7 +187,6 @@ fn times<'p>(scenes: &[Vec<Sample>], weights: &Weights, prices: impl Fn(usize) -
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows::KindRow;
     use super::*;
 
     /// Numbers that look random, from 0 to 1.
@@ -211,7 +207,7 @@ mod tests {
             Row {
                 scene: format!("scene {}", i / layouts),
                 layout: if single { "single".into() } else { format!("layout {i}") },
-                kinds: [kind; 4].into(),
+                kinds: PerKind::of(|_| kind),
                 ..Row::default()
             }
         };
@@ -236,8 +232,8 @@ mod tests {
             assert!(quality.rms_ratio_error < 1e-9 && quality.picked_worst_ratio == 1.0, "{quality:?}");
             assert!(quality.correlation.is_some_and(|c| c > 1.0 - 1e-9));
         }
-        for (kind, table) in found.kinds.iter().zip(Class::NoRtCores.prices()) {
-            assert_eq!(kind.table, table);
+        for (kind, table) in found.kinds.iter().zip(Class::NoRtCores.prices().values()) {
+            assert_eq!(kind.table, *table);
             assert!(kind.table_rms_relative_error > 1e-3);
         }
     }
@@ -268,7 +264,7 @@ mod tests {
     fn counts_that_go_together_do_not_blow_up() {
         let mut rows = planted(&PLANTED, 3, 4, |_| 1.0);
         for row in &mut rows {
-            for kind in row.kinds.each_mut() {
+            for (_, kind) in row.kinds.iter_mut() {
                 (kind.entries, kind.blas_nodes) = (2.0 * kind.tlas_nodes, 0.0);
                 kind.picoseconds = Some(10.0 + 5.0 * kind.tlas_nodes);
             }
@@ -291,8 +287,8 @@ mod tests {
     #[test]
     fn rows_that_were_not_timed_do_not_count() {
         let mut rows = planted(&PLANTED, 4, 6, |_| 1.0);
-        rows[7].kinds.each_mut()[3].picoseconds = None;
-        rows[8].kinds.each_mut()[0].picoseconds = Some(0.0);
+        rows[7].kinds[RayKind::Random].picoseconds = None;
+        rows[8].kinds[RayKind::Primary].picoseconds = Some(0.0);
         let found = fit(&rows, Class::NoRtCores).expect("enough rows");
         assert_eq!(found.layouts, 22);
         assert!(close(&found.kinds[0].prices, &PLANTED, 1e-6));

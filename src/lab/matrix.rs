@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
 use crate::verify::rays::{self, RayKind, Rays};
 use crate::verify::weights::Weights;
-use crate::verify::{Care, Lap, Machine, VerifyOptions, race_on_cpu};
+use crate::verify::{Care, Lap, Machine, PerKind, VerifyOptions, race_on_cpu};
 
 /// Layouts that come to the same, by the names of their plans.
 struct Entry {
@@ -43,7 +43,7 @@ pub(super) fn measure(
 
     let scene_of = |i: usize| entries[i].laid.written(scene);
     // Prices are fitted to all kinds of rays, whatever they count for elsewhere.
-    let verify = VerifyOptions { weights: Weights([1.0; 4]), ..config.verify.clone() };
+    let verify = VerifyOptions { weights: Weights(PerKind::of(|_| 1.0)), ..config.verify.clone() };
     let laps = match machine.race(scene, entries.len(), scene_of, Care::Full, &verify) {
         Some(laps) => laps?,
         None => race_on_cpu(scene, entries.len(), scene_of, &verify).into_iter().map(Ok).collect(),
@@ -78,9 +78,9 @@ fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) 
     let trees = TwoLevel::build_to_count(&stored, &MeshTrees::default());
     let tracer = CpuTracer::new(&trees);
     let prices = class.prices();
-    let kind = |i: usize| {
-        let counts = Counts::of(&tracer, &rays.kinds[i], RayKind::ALL[i]);
-        KindRow { predicted_picoseconds: prices[i].of(&counts), ..KindRow::of(&counts) }
+    let row = |kind: RayKind| {
+        let counts = Counts::of(&tracer, &rays.kinds[kind], kind);
+        KindRow { predicted_picoseconds: prices[kind].of(&counts), ..KindRow::of(&counts) }
     };
     Row {
         scene: name.to_owned(),
@@ -92,7 +92,7 @@ fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) 
         two_level_cost: trees.cost(scene.bounds().area()),
         predicted_bytes: entry.laid.layout.as_bytes(scene),
         position_error_ratio: entry.laid.position_error_ratio,
-        kinds: [0, 1, 2, 3].map(kind).into(),
+        kinds: PerKind::of(row),
         ..Row::default()
     }
 }
@@ -100,7 +100,8 @@ fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) 
 /// Adds what a device measured.
 fn time(row: &mut Row, lap: &Lap) {
     let finite = |x: f64| x.is_finite().then_some(x);
-    for (of, (_, speed)) in row.kinds.each_mut().into_iter().zip(lap.kinds.named()) {
+    for (kind, of) in row.kinds.iter_mut() {
+        let speed = &lap.kinds[kind];
         if speed.after_mrays_per_s > 0.0 {
             // A million rays a second are a ray a microsecond.
             of.picoseconds = finite(1e6 / speed.after_mrays_per_s);

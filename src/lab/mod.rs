@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 pub use fit::{Fit, FitError, KindFit, Predicted, SCHEMA};
 pub use quality::Quality;
-pub use rows::{KindRow, KindRows, Row};
+pub use rows::{KindRow, Row};
 
 use crate::choose::model::Class;
 use crate::commands::verify;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::choose::model::Counts;
-use crate::verify::rays::RayKind;
+use crate::verify::PerKind;
 
 /// A layout of a scene. `docs/lab.md` describes the columns.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -37,16 +37,7 @@ pub struct Row {
     /// Why it was not timed.
     pub failure: Option<String>,
     /// By kind of rays.
-    pub kinds: KindRows,
-}
-
-/// A [`KindRow`] for each kind of rays, in the order of [`crate::verify::rays::RayKind::ALL`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct KindRows {
-    primary: KindRow,
-    shadow: KindRow,
-    diffuse: KindRow,
-    random: KindRow,
+    pub kinds: PerKind<KindRow>,
 }
 
 /// Rays of a kind through a layout; counts and times are means a ray.
@@ -78,22 +69,6 @@ impl KindRow {
     }
 }
 
-impl From<[KindRow; 4]> for KindRows {
-    fn from([primary, shadow, diffuse, random]: [KindRow; 4]) -> KindRows {
-        KindRows { primary, shadow, diffuse, random }
-    }
-}
-
-impl KindRows {
-    pub(super) fn each(&self) -> [&KindRow; 4] {
-        [&self.primary, &self.shadow, &self.diffuse, &self.random]
-    }
-
-    pub(super) fn each_mut(&mut self) -> [&mut KindRow; 4] {
-        [&mut self.primary, &mut self.shadow, &mut self.diffuse, &mut self.random]
-    }
-}
-
 impl Row {
     /// Whether a plan of that name came to it.
     pub(super) fn is(&self, plan: &str) -> bool {
@@ -118,7 +93,7 @@ impl Row {
             text("position_error_ratio", self.position_error_ratio.to_string()),
             text("failure", self.failure.clone().unwrap_or_default()),
         ];
-        for (kind, row) in RayKind::ALL.map(RayKind::name).into_iter().zip(self.kinds.each()) {
+        for (kind, row) in self.kinds.iter() {
             let some = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
             for (name, value) in [
                 ("tlas_nodes", row.tlas_nodes.to_string()),
@@ -129,7 +104,7 @@ impl Row {
                 ("speedup_ratio", some(row.speedup_ratio)),
                 ("spread_ratio", some(row.spread_ratio)),
             ] {
-                columns.push((format!("{kind}_{name}"), value));
+                columns.push((format!("{}_{name}", kind.name()), value));
             }
         }
         columns

@@ -8,7 +8,7 @@ mod told;
 pub mod verdict;
 
 pub use devices::{Device, DeviceLimits, DevicesReport};
-pub use told::{Speed, Told, WeightOf};
+pub use told::{Speed, Told};
 
 use std::path::PathBuf;
 

@@ -220,7 +220,7 @@ fn rays(verify: &Verification, overall: &Speed) -> String {
             },
         ]
     };
-    let kinds = verify.kinds.named().into_iter().chain([("all, as weighted", overall)]);
+    let kinds = verify.kinds.iter().map(|(kind, speed)| (kind.name(), *speed)).chain([("all, as weighted", overall)]);
     let rows: Vec<Vec<String>> = kinds.map(row).collect();
     let heading = format!("Mrays/s on {}", verify.device);
     table(&[&heading, "before", "after", "ratio"], &rows)

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::verify::weights::{Overall, Weights};
-use crate::verify::{MachineKind, Verification};
+use crate::verify::{MachineKind, PerKind, Verification};
 
 /// What a bake was told, as far as it decides what is written and how that is judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -13,7 +13,7 @@ pub struct Told {
     /// What kind of device rays are predicted for.
     pub device_class: &'static str,
     /// What each kind of rays counts for.
-    pub weights: WeightOf,
+    pub weights: PerKind<f64>,
     /// Seed of the rays.
     pub seed: u64,
     /// Rays of each kind that are compared.
@@ -36,25 +36,6 @@ pub struct Told {
     pub frames: bool,
     /// Instances that stay as they are by their names.
     pub keep: Vec<String>,
-}
-
-/// What each kind of rays counts for.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct WeightOf {
-    /// Rays from the camera.
-    pub primary: f64,
-    /// Rays to a light.
-    pub shadow: f64,
-    /// Rays from surfaces into their surroundings.
-    pub diffuse: f64,
-    /// Lines through the scene.
-    pub random: f64,
-}
-
-impl From<Weights> for WeightOf {
-    fn from(Weights([primary, shadow, diffuse, random]): Weights) -> WeightOf {
-        WeightOf { primary, shadow, diffuse, random }
-    }
 }
 
 /// The speed over all kinds of rays, each counted as it is weighted.

@@ -3,18 +3,18 @@
 use super::build::Built;
 use super::cpu::{CpuTracer, TwoLevel};
 use super::rays::{self, Ray, RayKind};
-use super::speed::{self, KindSpeed, Kinds};
+use super::speed::{self, KindSpeed};
 use super::tracing::seen_by;
 #[cfg(feature = "vulkan")]
 use super::vulkan::{Error, Pipelines, VulkanTracer};
-use super::{Machine, Tracer, VerifyOptions};
+use super::{Machine, PerKind, Tracer, VerifyOptions};
 use crate::scene::Scene;
 
 /// How one contender did.
 #[derive(Clone, Debug)]
 pub struct Lap {
     /// Its speed by kind of rays, as the output's, against the input's.
-    pub kinds: Kinds,
+    pub kinds: PerKind<KindSpeed>,
     /// What was built for it; `None` where that tells nothing of a device.
     pub built: Option<Built>,
 }
@@ -54,22 +54,22 @@ pub(super) fn race<T: Tracer>(
 ) -> Result<Vec<Result<Lap, T::Error>>, T::Error> {
     let count = care.rays(before.pace().timed(options));
     let mut rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
-    for ((kind, rays), weight) in RayKind::ALL.into_iter().zip(&mut rays.kinds).zip(options.weights.0) {
-        if weight == 0.0 {
+    for (kind, rays) in rays.kinds.iter_mut() {
+        if options.weights.0[kind] == 0.0 {
             rays.clear();
         } else if options.timed_rays_per_kind.is_none() {
             *rays = affordable(before, kind, std::mem::take(rays))?;
         }
     }
     let rays = rays;
-    let prepared = rays.kinds.iter().map(|rays| before.prepare(rays)).collect::<Result<Vec<_>, _>>()?;
+    let prepared = PerKind::try_of(|kind| before.prepare(&rays.kinds[kind]))?;
     let lap = |i| {
         let tracer = enter(i)?;
-        let mut kinds = Kinds::default();
-        for ((kind, rays), prepared) in RayKind::ALL.into_iter().zip(&rays.kinds).zip(&prepared) {
+        let mut kinds = PerKind::<KindSpeed>::default();
+        for (kind, rays) in rays.kinds.iter() {
             if !rays.is_empty() {
-                let times = speed::times(kind, prepared, [before, &tracer], care.repeats(options.repeats))?;
-                *kinds.of(kind) = KindSpeed::in_turns(rays.len(), times);
+                let times = speed::times(kind, &prepared[kind], [before, &tracer], care.repeats(options.repeats))?;
+                kinds[kind] = KindSpeed::in_turns(rays.len(), times);
             }
         }
         Ok(Lap { kinds, built: tracer.built() })
@@ -143,7 +143,7 @@ fn prepared_ahead<R>(
 /// device that is still clocking up times the first laps alike, and too slow.
 fn level<E>(laps: &mut [Result<Lap, E>]) {
     for kind in RayKind::ALL {
-        let timed = laps.iter_mut().flatten().map(|lap| lap.kinds.of(kind)).filter(|k| k.before_mrays_per_s > 0.0);
+        let timed = laps.iter_mut().flatten().map(|lap| &mut lap.kinds[kind]).filter(|k| k.before_mrays_per_s > 0.0);
         let mut timed: Vec<_> = timed.collect();
         let mut speeds: Vec<f64> = timed.iter().map(|k| k.before_mrays_per_s).collect();
         speeds.sort_by(f64::total_cmp);
@@ -212,14 +212,15 @@ mod tests {
     #[test]
     fn a_slow_start_does_not_make_the_first_lap_slow() {
         let lap = |before: f64, speedup_ratio: f64| {
-            let kind = KindSpeed { before_mrays_per_s: before, speedup_ratio, ..KindSpeed::default() };
-            Ok::<_, Infallible>(Lap { kinds: Kinds { primary: kind, ..Kinds::default() }, built: None })
+            let idle = KindSpeed::default();
+            let kind = KindSpeed { before_mrays_per_s: before, speedup_ratio, ..idle };
+            Ok::<_, Infallible>(Lap { kinds: [kind, idle, idle, idle].into(), built: None })
         };
         let mut laps = vec![lap(1.0, 3.0), lap(4.0, 1.0), lap(4.0, 2.0)];
         level(&mut laps);
-        let after = laps.iter().flatten().map(|lap| lap.kinds.primary.after_mrays_per_s);
+        let after = laps.iter().flatten().map(|lap| lap.kinds[RayKind::Primary].after_mrays_per_s);
         assert_eq!(after.collect::<Vec<_>>(), [12.0, 4.0, 8.0]);
-        assert_eq!(laps[0].as_ref().map(|lap| lap.kinds.shadow.after_mrays_per_s), Ok(0.0));
+        assert_eq!(laps[0].as_ref().map(|lap| lap.kinds[RayKind::Shadow].after_mrays_per_s), Ok(0.0));
     }
 
     #[cfg(feature = "vulkan")]
@@ -240,13 +241,13 @@ mod tests {
         let scene = test_scenes::room();
         let trees = TwoLevel::build(&scene);
         for weights in [[1.0; 4], [1.0, 0.0, 2.0, 0.0]] {
-            let weights = Weights(weights);
+            let weights = Weights(weights.into());
             let options = VerifyOptions { rays_per_kind: 64, repeats: 3, weights, ..VerifyOptions::default() };
             let enter = |_| Ok(CpuTracer::new(&trees));
             let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, enter, Care::Brief, &options);
             assert_eq!(laps.len(), 2);
             for Ok(lap) in laps {
-                let kinds = lap.kinds.named().map(|(_, k)| k.after_mrays_per_s > 0.0);
+                let kinds = lap.kinds.map(|k| k.after_mrays_per_s > 0.0);
                 assert_eq!(kinds, weights.0.map(|weight| weight > 0.0));
             }
         }

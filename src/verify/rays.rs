@@ -5,6 +5,7 @@ use std::convert::Infallible;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::PerKind;
 use super::cpu::{Reference, TrueHit};
 use super::random::Random;
 use super::rounding::SINGLE;
@@ -39,7 +40,7 @@ pub enum RayKind {
 }
 
 impl RayKind {
-    /// All kinds, in the order of [`Rays::kinds`].
+    /// All kinds, in the order of their declaration.
     pub const ALL: [RayKind; 4] = [RayKind::Primary, RayKind::Shadow, RayKind::Diffuse, RayKind::Random];
 
     /// The name on the command line and in reports.
@@ -56,8 +57,8 @@ impl RayKind {
 /// The rays of a verification.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rays {
-    /// As in [`RayKind::ALL`].
-    pub kinds: [Vec<Ray>; 4],
+    /// The rays of each kind.
+    pub kinds: PerKind<Vec<Ray>>,
     /// Where the primary rays come from, in words.
     pub view: String,
     /// Half the diagonal of the scene's box, in world units.
@@ -120,11 +121,14 @@ pub fn generate_by<E>(
     let mut stage = Stage::new(bounds);
     stage.enclosed = is_enclosed(&closest(&probes(&stage, seed))?);
     let maker = Maker { scene, stage, count, seed };
-    let (view, primary, seen) = maker.look(&closest)?;
-    let shadow = maker.rays(|i| maker.shadow(i, &seen));
-    let diffuse = maker.rays(|i| maker.diffuse(i, &seen));
-    let random = maker.rays(|i| maker.random(i));
-    Ok(Rays { kinds: [primary, shadow, diffuse, random], view, radius: stage.radius })
+    let (view, mut primary, seen) = maker.look(&closest)?;
+    let kinds = PerKind::of(|kind| match kind {
+        RayKind::Primary => std::mem::take(&mut primary),
+        RayKind::Shadow => maker.rays(|i| maker.shadow(i, &seen)),
+        RayKind::Diffuse => maker.rays(|i| maker.diffuse(i, &seen)),
+        RayKind::Random => maker.rays(|i| maker.random(i)),
+    });
+    Ok(Rays { kinds, view, radius: stage.radius })
 }
 
 fn probes(stage: &Stage, seed: u64) -> Vec<Ray> {

@@ -72,37 +72,6 @@ impl Default for KindSpeed {
     }
 }
 
-/// Speed by kind of rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Kinds {
-    /// [`RayKind::Primary`].
-    pub primary: KindSpeed,
-    /// [`RayKind::Shadow`].
-    pub shadow: KindSpeed,
-    /// [`RayKind::Diffuse`].
-    pub diffuse: KindSpeed,
-    /// [`RayKind::Random`].
-    pub random: KindSpeed,
-}
-
-impl Kinds {
-    /// The entry of a kind.
-    pub fn of(&mut self, kind: RayKind) -> &mut KindSpeed {
-        match kind {
-            RayKind::Primary => &mut self.primary,
-            RayKind::Shadow => &mut self.shadow,
-            RayKind::Diffuse => &mut self.diffuse,
-            RayKind::Random => &mut self.random,
-        }
-    }
-
-    /// All kinds with their names.
-    pub fn named(&self) -> [(&'static str, KindSpeed); 4] {
-        let mut kinds = *self;
-        RayKind::ALL.map(|kind| (kind.name(), *kinds.of(kind)))
-    }
-}
-
 /// Successive times that differ by less than this share have settled.
 const SETTLED_RATIO: f64 = 0.01;
 

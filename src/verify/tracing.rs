@@ -3,12 +3,12 @@
 use std::cmp::Ordering;
 
 use super::Hit;
-use super::VerifyOptions;
 use super::build::{Built, Structures};
 use super::compare::Tally;
 use super::cpu::TrueHit;
 use super::rays::{self, Ray, RayKind, Rays};
-use super::speed::{self, KindSpeed, Kinds};
+use super::speed::{self, KindSpeed};
+use super::{PerKind, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
 /// Something that traces rays through one scene.
@@ -85,7 +85,7 @@ pub(super) struct Seen {
     pub(super) device: String,
     pub(super) view: String,
     pub(super) tally: Tally,
-    pub(super) kinds: Kinds,
+    pub(super) kinds: PerKind<KindSpeed>,
     pub(super) structures: Option<Structures>,
     pub(super) notes: Vec<String>,
 }
@@ -132,10 +132,10 @@ fn together<T: Tracer>(
 ) -> Result<Seen, T::Error> {
     let views = [View::of(tracers[0], rays)?, View::of(tracers[1], rays)?];
     let timed = timed_rays(before, rays, tracers[0], options)?;
-    let mut kinds = Kinds::default();
-    for (kind, rays) in kinds_of(timed.as_ref().unwrap_or(rays)) {
+    let mut kinds = PerKind::<KindSpeed>::default();
+    for (kind, rays) in timed.as_ref().unwrap_or(rays).kinds.iter() {
         let times = times(kind, rays, tracers, options.repeats)?;
-        *kinds.of(kind) = KindSpeed::in_turns(rays.len(), times);
+        kinds[kind] = KindSpeed::in_turns(rays.len(), times);
     }
     Ok(seen(rays, views, kinds, compare))
 }
@@ -149,30 +149,29 @@ fn one_by_one<T: Tracer>(
     compare: impl Compare,
 ) -> Result<Seen, T::Error> {
     let all_times = |tracer: &T, rays: &Rays| {
-        let one = |(kind, rays)| times(kind, rays, [tracer], options.repeats).map(|[times]| times);
-        kinds_of(rays).map(one).collect::<Result<Vec<_>, _>>()
+        PerKind::try_of(|kind| times(kind, &rays.kinds[kind], [tracer], options.repeats).map(|[times]| times))
     };
     let tracer = make[0]()?;
     let view_before = View::of(&tracer, rays)?;
     let timed = timed_rays(before, rays, &tracer, options)?;
     let timed = timed.as_ref().unwrap_or(rays);
-    let times_before = all_times(&tracer, timed)?;
+    let mut times_before = all_times(&tracer, timed)?;
     drop(tracer);
     let tracer = make[1]()?;
     let view_after = View::of(&tracer, rays)?;
-    let times_after = all_times(&tracer, timed)?;
-    let mut kinds = Kinds::default();
-    for (((kind, rays), before), after) in kinds_of(timed).zip(times_before).zip(times_after) {
-        *kinds.of(kind) = KindSpeed::one_after_the_other(rays.len(), [before, after]);
-    }
+    let mut times_after = all_times(&tracer, timed)?;
+    let kinds = PerKind::of(|kind| {
+        let [before, after] = [&mut times_before, &mut times_after].map(|times| std::mem::take(&mut times[kind]));
+        KindSpeed::one_after_the_other(timed.kinds[kind].len(), [before, after])
+    });
     Ok(seen(rays, [view_before, view_after], kinds, compare))
 }
 
 /// What one tracer makes of the rays that are compared.
 struct View {
     device: String,
-    /// First hits by kind of rays.
-    closest: Vec<Vec<Option<Hit>>>,
+    /// The first hits.
+    closest: PerKind<Vec<Option<Hit>>>,
     /// Rays of which the tracer says that they hit something, or nothing, depending on how it is asked.
     contradictions: u64,
     built: Option<Built>,
@@ -181,25 +180,25 @@ struct View {
 
 impl View {
     fn of<T: Tracer>(tracer: &T, rays: &Rays) -> Result<View, T::Error> {
-        let (mut closest, mut contradictions) = (Vec::new(), 0);
-        for (kind, rays) in kinds_of(rays) {
-            let prepared = tracer.prepare(rays)?;
+        let mut contradictions = 0;
+        let closest = PerKind::try_of(|kind| {
+            let prepared = tracer.prepare(&rays.kinds[kind])?;
             let hits = tracer.closest(&prepared)?;
             if kind == RayKind::Shadow {
                 let occluded = tracer.occluded(&prepared)?;
                 contradictions += hits.iter().zip(occluded).filter(|(hit, o)| hit.is_some() != *o).count() as u64;
             }
-            closest.push(hits);
-        }
+            Ok(hits)
+        })?;
         Ok(View { device: tracer.device(), closest, contradictions, built: tracer.built(), notes: tracer.notes() })
     }
 }
 
-fn seen(rays: &Rays, views: [View; 2], kinds: Kinds, compare: impl Compare) -> Seen {
+fn seen(rays: &Rays, views: [View; 2], kinds: PerKind<KindSpeed>, compare: impl Compare) -> Seen {
     let [before, after] = views;
     let mut tally = Tally::default();
-    for ((kind, rays), (before, after)) in kinds_of(rays).zip(before.closest.iter().zip(&after.closest)) {
-        tally.add(compare(kind, rays, [before, after]));
+    for (kind, rays) in rays.kinds.iter() {
+        tally.add(compare(kind, rays, [&before.closest[kind], &after.closest[kind]]));
     }
     tally.tracer_faults += before.contradictions + after.contradictions;
     let notes = [("input", before.notes), ("output", after.notes)];
@@ -207,10 +206,6 @@ fn seen(rays: &Rays, views: [View; 2], kinds: Kinds, compare: impl Compare) -> S
     let notes = notes.collect();
     let structures = before.built.zip(after.built).map(|(before, after)| Structures::of([before, after]));
     Seen { device: before.device, view: rays.view.clone(), tally, kinds, structures, notes }
-}
-
-fn kinds_of(rays: &Rays) -> impl Iterator<Item = (RayKind, &[Ray])> {
-    RayKind::ALL.into_iter().zip(rays.kinds.iter().map(Vec::as_slice))
 }
 
 /// Times rays of one kind, made ready for as long as that takes.
@@ -269,15 +264,15 @@ mod tests {
     #[test]
     fn thinned_rays_are_spread_over_all_of_a_kind() {
         let ray = |i: usize| Ray::endless(DVec3::X * i as f64, DVec3::Z);
-        let kinds = [10, 3, 1, 0].map(|n| (0..n).map(ray).collect());
+        let kinds = PerKind::from([10, 3, 1, 0]).map(|n| (0..n).map(ray).collect());
         let thinned = |count| thinned(&Rays { kinds: kinds.clone(), view: String::new(), radius: 1.0 }, count);
         let origins = |rays: &[Ray]| rays.iter().map(|r| r.origin.x).collect::<Vec<f32>>();
         let few = thinned(3);
         assert_eq!(
             few.kinds.each_ref().map(|k| origins(k)),
-            [vec![0.0, 4.0, 8.0], vec![0.0, 1.0, 2.0], vec![0.0], vec![]]
+            [vec![0.0, 4.0, 8.0], vec![0.0, 1.0, 2.0], vec![0.0], vec![]].into()
         );
-        assert_eq!(thinned(0).kinds.each_ref().map(|k| k.len()), [1, 1, 1, 0]);
+        assert_eq!(thinned(0).kinds.each_ref().map(Vec::len), [1, 1, 1, 0].into());
         assert_eq!(thinned(100).kinds, kinds);
     }
 }

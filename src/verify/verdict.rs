@@ -17,13 +17,13 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::VerifyOptions;
 use super::build::Structures;
 use super::compare::Tally;
-use super::speed::Kinds;
+use super::speed::KindSpeed;
 use super::structure::Structure;
 use super::tracing::Seen;
 use super::weights::Weights;
+use super::{PerKind, VerifyOptions};
 
 /// What verifying a file found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -59,7 +59,7 @@ pub struct Verification {
     /// where only surfaces were compared.
     pub position_error_ratio: f64,
     /// Rays a second.
-    pub kinds: Kinds,
+    pub kinds: PerKind<KindSpeed>,
     /// What the device built; `None` on the CPU.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub structures: Option<Structures>,

@@ -2,16 +2,18 @@
 
 use std::ops::RangeInclusive;
 
-use super::speed::{KindSpeed, Kinds};
+use super::PerKind;
+use super::rays::RayKind;
+use super::speed::KindSpeed;
 
 /// How many rays of each kind a picture takes, in relation to each other; each at least 0 and finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Weights(pub [f64; 4]);
+pub struct Weights(pub PerKind<f64>);
 
 impl Default for Weights {
     /// The kinds that light a picture, all but random lines, each counted alike.
     fn default() -> Self {
-        Weights([1.0, 1.0, 1.0, 0.0])
+        Weights(PerKind::of(|kind| if kind == RayKind::Random { 0.0 } else { 1.0 }))
     }
 }
 
@@ -39,27 +41,35 @@ impl Overall {
 const ORDINARY: RangeInclusive<f64> = 1e-100..=1e100;
 
 impl Weights {
-    /// The weighted sum of something that every kind has, in the order of [`super::rays::RayKind::ALL`], over the sum
-    /// of the weights; 0 where that is 0.
-    pub fn mean(&self, of: [f64; 4]) -> f64 {
-        let sum: f64 = self.counted().map(|(i, weight)| weight * of[i]).sum();
+    /// One kind alone.
+    pub fn only(kind: RayKind) -> Weights {
+        Weights(PerKind::of(|other| if other == kind { 1.0 } else { 0.0 }))
+    }
+
+    /// The largest weight.
+    pub fn largest(&self) -> f64 {
+        self.0.values().copied().fold(0.0, f64::max)
+    }
+
+    /// The weighted sum of something that every kind has over the sum of the weights; 0 where that is 0.
+    pub fn mean(&self, of: &PerKind<f64>) -> f64 {
+        let sum: f64 = self.counted().map(|(kind, weight)| weight * of[kind]).sum();
         let total = self.total();
         if total > 0.0 { sum / total } else { 0.0 }
     }
 
     /// The speed over all kinds: times add up, as they do over a picture. Kinds are timed one after the other, so
     /// that their errors are independent: their squares add up, each weighted by its share of the time.
-    pub fn overall(&self, kinds: &Kinds) -> Overall {
-        let kinds = kinds.named().map(|(_, kind)| kind);
-        let before = self.mean(kinds.map(|k| 1.0 / k.before_mrays_per_s));
-        let time = |k: KindSpeed| 1.0 / (k.before_mrays_per_s * k.speedup_ratio);
-        let after = self.mean(kinds.map(time));
+    pub fn overall(&self, kinds: &PerKind<KindSpeed>) -> Overall {
+        let before = self.mean(&kinds.each_ref().map(|k| 1.0 / k.before_mrays_per_s));
+        let time = |k: &KindSpeed| 1.0 / (k.before_mrays_per_s * k.speedup_ratio);
+        let after = self.mean(&kinds.each_ref().map(time));
         if !(before > 0.0 && before.is_finite() && after > 0.0 && after.is_finite()) {
             return Overall { before_mrays_per_s: 0.0, after_mrays_per_s: 0.0, speedup_ratio: 1.0, spread_ratio: 0.0 };
         }
         let total = self.total();
-        let share = |i: usize, weight: f64| weight / total * time(kinds[i]) / after;
-        let off = |(i, weight)| (share(i, weight) * kinds[i].spread_ratio / kinds[i].speedup_ratio).powi(2);
+        let share = |kind: RayKind, weight: f64| weight / total * time(&kinds[kind]) / after;
+        let off = |(kind, weight)| (share(kind, weight) * kinds[kind].spread_ratio / kinds[kind].speedup_ratio).powi(2);
         let speedup_ratio = before / after;
         Overall {
             before_mrays_per_s: 1.0 / before,
@@ -70,17 +80,18 @@ impl Weights {
     }
 
     /// The kinds that count, with their weights.
-    fn counted(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.scaled().into_iter().enumerate().filter(|(_, weight)| *weight > 0.0)
+    fn counted(&self) -> impl Iterator<Item = (RayKind, f64)> {
+        let scaled = self.scaled();
+        RayKind::ALL.into_iter().map(move |kind| (kind, scaled[kind])).filter(|(_, weight)| *weight > 0.0)
     }
 
     fn total(&self) -> f64 {
-        self.scaled().iter().sum()
+        self.scaled().values().sum()
     }
 
     /// The weights over the largest where that is far from 1, else bit for bit as they are.
-    fn scaled(&self) -> [f64; 4] {
-        let most = self.0.into_iter().fold(0.0, f64::max);
+    fn scaled(&self) -> PerKind<f64> {
+        let most = self.largest();
         if most == 0.0 || ORDINARY.contains(&most) { self.0 } else { self.0.map(|weight| weight / most) }
     }
 }
@@ -90,22 +101,22 @@ impl std::str::FromStr for Weights {
 
     /// Reads `primary=1,shadow=1,diffuse=1,random=0`; kinds left out count nothing.
     fn from_str(text: &str) -> Result<Weights, String> {
-        let mut weights = Weights([0.0; 4]);
-        let mut given = [false; 4];
+        let mut weights = Weights(PerKind::default());
+        let mut given = PerKind::<bool>::default();
         for part in text.split(',') {
             let (name, value) = part.split_once('=').ok_or_else(|| format!("`{part}` is not KIND=WEIGHT"))?;
-            let names = Kinds::default().named().map(|(name, _)| name);
-            let kind = names.iter().position(|n| *n == name.trim());
-            let kind = kind.ok_or_else(|| format!("`{name}` is none of {}", names.join(", ")))?;
+            let kind = RayKind::ALL.into_iter().find(|kind| kind.name() == name.trim());
+            let all = || RayKind::ALL.map(RayKind::name).join(", ");
+            let kind = kind.ok_or_else(|| format!("`{name}` is none of {}", all()))?;
             if std::mem::replace(&mut given[kind], true) {
-                return Err(format!("`{}` is given twice", names[kind]));
+                return Err(format!("`{}` is given twice", kind.name()));
             }
             weights.0[kind] = match value.trim().parse() {
                 Ok(weight) if (0.0..f64::INFINITY).contains(&weight) => weight,
                 _ => return Err(format!("`{value}` is not a weight: a number of at least 0")),
             };
         }
-        if weights.0.iter().any(|weight| *weight > 0.0) { Ok(weights) } else { Err("no kind counts anything".into()) }
+        if weights.0.values().any(|weight| *weight > 0.0) { Ok(weights) } else { Err("no kind counts anything".into()) }
     }
 }
 
@@ -117,16 +128,15 @@ mod tests {
         KindSpeed { before_mrays_per_s: before, after_mrays_per_s: before * speedup_ratio, speedup_ratio, spread_ratio }
     }
 
-    fn kinds(of: [KindSpeed; 4]) -> Kinds {
-        let [primary, shadow, diffuse, random] = of;
-        Kinds { primary, shadow, diffuse, random }
+    fn weights(of: [f64; 4]) -> Weights {
+        Weights(of.into())
     }
 
     #[test]
     fn times_add_up_and_what_counts_nothing_does_not_matter() {
         let unsure = kind(1.0, 9.0, f64::INFINITY);
-        let all =
-            Weights::default().overall(&kinds([kind(1.0, 2.0, 0.2), kind(2.0, 1.0, 0.0), kind(2.0, 1.0, 0.0), unsure]));
+        let kinds = [kind(1.0, 2.0, 0.2), kind(2.0, 1.0, 0.0), kind(2.0, 1.0, 0.0), unsure];
+        let all = Weights::default().overall(&kinds.into());
         assert!((all.speedup_ratio - 2.0 / 1.5).abs() < 1e-12, "{all:?}");
         assert!((all.spread_ratio - all.speedup_ratio * 0.1 / 3.0).abs() < 1e-12, "{all:?}");
         assert!((all.before_mrays_per_s - 1.5).abs() < 1e-12 && all.is_faster());
@@ -134,14 +144,14 @@ mod tests {
 
     #[test]
     fn without_rays_nothing_is_faster() {
-        let none = Weights::default().overall(&Kinds::default());
+        let none = Weights::default().overall(&PerKind::default());
         assert_eq!((none.speedup_ratio, none.is_faster()), (1.0, false));
     }
 
     #[test]
     fn only_the_relation_of_weights_counts() {
-        let kinds = kinds([kind(1.0, 2.0, 0.2), kind(3.0, 1.1, 0.1), kind(7.0, 0.9, 0.3), kind(1.0, 1.0, 0.0)]);
-        let of = |scale: f64| Weights([scale, scale, scale / 2.0, 0.0]).overall(&kinds);
+        let kinds = [kind(1.0, 2.0, 0.2), kind(3.0, 1.1, 0.1), kind(7.0, 0.9, 0.3), kind(1.0, 1.0, 0.0)].into();
+        let of = |scale: f64| weights([scale, scale, scale / 2.0, 0.0]).overall(&kinds);
         let one = of(1.0);
         assert!(one.is_faster(), "{one:?}");
         for scale in [f64::MAX, 1e308, 1e101, 3e-101, 1e-300, 1e-310] {
@@ -149,21 +159,21 @@ mod tests {
                 [one, of(scale)].map(|o| [o.before_mrays_per_s, o.after_mrays_per_s, o.speedup_ratio, o.spread_ratio]);
             assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-12 * a), "{scale}: {b:?} for {a:?}");
         }
-        let denormal = Weights([1e-320, 1e-320, 0.0, 0.0]);
-        assert_eq!(denormal.mean([1.0, 3.0, 5.0, 7.0]), 2.0);
-        assert_eq!(Weights([1e308, 0.0, 1e-308, 0.0]).mean([1.0, 3.0, f64::MAX, 7.0]), 1.0);
+        let denormal = weights([1e-320, 1e-320, 0.0, 0.0]);
+        assert_eq!(denormal.mean(&[1.0, 3.0, 5.0, 7.0].into()), 2.0);
+        assert_eq!(weights([1e308, 0.0, 1e-308, 0.0]).mean(&[1.0, 3.0, f64::MAX, 7.0].into()), 1.0);
     }
 
     #[test]
     fn ordinary_weights_stay_bit_for_bit() {
-        for weights in [[0.1, 0.3, 0.0, 0.7], [1e100, 1e-300, 0.0, 3.0], [1e-100, 1e-101, 0.0, 0.0], [0.0; 4]] {
-            assert_eq!(Weights(weights).scaled().map(f64::to_bits), weights.map(f64::to_bits));
+        for of in [[0.1, 0.3, 0.0, 0.7], [1e100, 1e-300, 0.0, 3.0], [1e-100, 1e-101, 0.0, 0.0], [0.0; 4]] {
+            assert_eq!(weights(of).scaled().map(f64::to_bits), of.map(f64::to_bits).into());
         }
     }
 
     #[test]
     fn weights_are_read_by_name() {
-        assert_eq!("shadow=2, diffuse=0.5".parse(), Ok(Weights([0.0, 2.0, 0.5, 0.0])));
+        assert_eq!("shadow=2, diffuse=0.5".parse(), Ok(weights([0.0, 2.0, 0.5, 0.0])));
         for wrong in [
             "",
             "shadow",

@@ -43,7 +43,7 @@ fn every_method_is_hit_on_a_device_as_on_the_cpu() {
         let document = raykiln_formats::read(&file).expect("a sample is read");
         let (before, _) = scene::load(&document, &LoadOptions::default()).expect("a sample has triangles");
         let rays = rays::generate(&before, &Reference::new(&TwoLevel::build(&before)), RAYS, 1);
-        let (far, all) = (1e-4 * rays.radius, rays.kinds.concat());
+        let (far, all) = (1e-4 * rays.radius, rays.kinds.values().flatten().copied().collect::<Vec<_>>());
         for method in Method::ALL {
             let after = laid_out(&document, &before, method);
             let (trees, name) = (TwoLevel::build(&after), format!("{name} {method:?}"));

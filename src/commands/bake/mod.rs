@@ -65,7 +65,7 @@ impl BakeOptions {
         Told {
             effort: choose.effort.level(),
             device_class: choose.class.name(),
-            weights: verify.weights.into(),
+            weights: verify.weights.0,
             seed: verify.seed,
             rays: verify.rays_per_kind,
             repeats: verify.repeats,

@@ -51,7 +51,7 @@ fn layouts_that_do_not_fit_together_are_traced_one_after_the_other_and_seen_alik
             let [note] = &apart.notes[..] else { panic!("{:?}", apart.notes) };
             assert!(note.contains("one after the other") && note.contains("out of device memory for"), "{note}");
             let timed = |k: &crate::verify::speed::KindSpeed| k.before_mrays_per_s > 0.0 && k.after_mrays_per_s > 0.0;
-            assert!(apart.kinds.named().iter().all(|(_, k)| timed(k)), "{:?}", apart.kinds);
+            assert!(apart.kinds.values().all(timed), "{:?}", apart.kinds);
         }
     }
 }

@@ -40,7 +40,7 @@ fn assert_truth(pipelines: &Pipelines<'_>, scene: &Scene, name: &str) {
     let trees = TwoLevel::build(scene);
     let reference = Reference::new(&trees);
     let rays = rays::generate(scene, &reference, 256, 1);
-    let all = rays.kinds.concat();
+    let all = rays.kinds.values().flatten().copied().collect::<Vec<_>>();
     let tracer = VulkanTracer::new(pipelines, scene, BuildOptions::default()).expect("built");
     let buffer = pipelines.device().upload_rays(&all).expect("uploaded");
     let hits = tracer.trace(&buffer, false).expect("traced").hits;
