@@ -5,18 +5,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use super::model::Ranking;
-use super::passes::pass;
+use super::outcome::{CandidateResult, Outcome};
+use super::passes::{Pass, PassId, Reason};
 use super::plans::Plan;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Refuse};
 use crate::layout::{self, Content, Layout, PlacedTrees, as_built};
 use crate::methods::{self, Cache};
-use crate::report::{self, Pass};
 use crate::scene::{Bounds, Pinned, Scene};
 use crate::verify::Lap;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
-use crate::words::{counted, instances_stay};
 
 /// A candidate and what is known of it.
 pub(super) struct Candidate {
@@ -35,8 +34,8 @@ pub(super) struct Candidate {
     /// Its speed over that of the input where it was timed briefly, which compares with others that were, and no more.
     pub(super) brief: Option<f64>,
     pub(super) seconds: f64,
-    /// Why it was chosen or not.
-    pub(super) outcome: String,
+    /// Why the device could not take it.
+    pub(super) failure: Option<String>,
 }
 
 /// A layout whose rounding is within the limit.
@@ -143,7 +142,7 @@ impl Candidate {
             lap: None,
             brief: None,
             seconds: 0.0,
-            outcome: String::new(),
+            failure: None,
         }
     }
 
@@ -157,19 +156,16 @@ impl Candidate {
         self.lap.as_ref().map(|lap| weights.overall(&lap.kinds))
     }
 
-    /// Its entry in the report.
-    pub(super) fn report(&self, weights: &Weights) -> report::Candidate {
-        let overall = self.speed(weights);
-        report::Candidate {
-            id: self.plan.id,
+    /// What it came to.
+    pub(super) fn result(&self, weights: &Weights, outcome: Outcome) -> CandidateResult {
+        CandidateResult {
+            plan: self.plan.id,
             predicted_cost: self.predicted_cost,
-            sampled_cost: Some(self.sampled_cost),
-            measured_mrays_per_s: overall.map(|o| o.after_mrays_per_s),
-            measured_speedup_ratio: overall.map(|o| o.speedup_ratio),
-            measured_spread_ratio: overall.map(|o| o.spread_ratio),
-            outcome: self.outcome.clone(),
+            sampled_cost: self.sampled_cost,
+            measured: self.speed(weights),
+            outcome,
             as_bytes: self.as_bytes,
-            position_error_ratio: Some(self.laid.position_error_ratio),
+            position_error_ratio: self.laid.position_error_ratio,
             seconds: self.seconds,
             brief: self.brief.is_some() && self.lap.is_none(),
         }
@@ -219,8 +215,8 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
     let start = Instant::now();
     let mut layout = methods::run_with(cache, plan.method, scene, &plan.options);
     let regrouped = !emit::is_unchanged(&layout);
-    let reason = if regrouped { "the layout differs from the input's" } else { "the layout is the input's" };
-    let mut passes = vec![pass("regroup", regrouped, reason, start)];
+    let reason = if regrouped { Reason::Regrouped } else { Reason::NotRegrouped };
+    let mut passes = vec![Pass::since(start, PassId::Regroup, regrouped, reason)];
 
     let start = Instant::now();
     let mut settled = emit::settle(scene, &mut layout, max_error_ratio, Refuse::Instances);
@@ -233,22 +229,7 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
         let refuse = if rounds < MOST_ROUNDS { Refuse::Instances } else { Refuse::Groups };
         settled = emit::settle(scene, &mut layout, max_error_ratio, refuse);
     }
-    if held_back > 0 {
-        layout.notes.push(format!(
-            "{} as before: written out, their vertices would move farther than {max_error_ratio:e} of the scene's \
-             diagonal, or a ten-thousandth of their own",
-            instances_stay(held_back)
-        ));
-    }
-    let reason = match settled.centred {
-        0 => "rounding stays within the limit where the groups are stored".to_owned(),
-        1 => "1 group is stored around its centre so that rounding stays within the limit".to_owned(),
-        n => {
-            let groups = counted(n, "group");
-            format!("{groups} are stored around their centres so that rounding stays within the limit")
-        }
-    };
-    passes.push(pass("centre frames", settled.centred > 0, &reason, start));
+    passes.push(Pass::since(start, PassId::CentreFrames, settled.centred > 0, Reason::Centred(settled.centred)));
     let pins = scene.instances.iter().map(|i| i.pinned).collect();
     scene.instances.iter_mut().zip(pins_before).for_each(|(instance, pin)| instance.pinned = pin);
     let diagonal = scene.bounds().diagonal();

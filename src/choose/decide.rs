@@ -2,6 +2,7 @@
 
 use super::bounds::Bounds;
 use super::candidate::Candidate;
+use super::outcome::{Excess, Outcome, Why};
 use super::plans::Effort;
 use crate::methods::PlanId;
 use crate::verify::weights::{Overall, Weights};
@@ -20,7 +21,9 @@ const EQUAL: f64 = 0.003;
 pub(super) struct Decision {
     /// Index of the candidate.
     pub(super) winner: usize,
-    pub(super) reason: String,
+    pub(super) why: Why,
+    /// What came of each candidate.
+    pub(super) outcomes: Vec<Outcome>,
     /// Whether a candidate keeps to the bounds; else the input is taken, which does not.
     pub(super) keeps: bool,
     /// Whether the input keeps to the bounds, so that it may still be written instead.
@@ -39,34 +42,33 @@ pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize>
 
 /// Takes the candidate that was measured to be the fastest, or else predicted to be clearly cheaper; the input, which is
 /// the first one, where nothing beats it. Says of every candidate why it was chosen or not.
-pub(super) fn decide(candidates: &mut [Candidate], weights: &Weights, bounds: &Bounds, measured: bool) -> Decision {
+pub(super) fn decide(candidates: &[Candidate], weights: &Weights, bounds: &Bounds, measured: bool) -> Decision {
     let refusals = bounds.refusals(candidates);
     let keeps = refusals.contains(&None);
     let choice = Choice { candidates, weights, refusals: &refusals };
-    let (winner, reason) = match (keeps, measured) {
-        (false, _) => (0, choice.words_of_none()),
+    let (winner, why) = match (keeps, measured) {
+        (false, _) => (0, Why::NothingAllowed(refusals.first().cloned().flatten().unwrap_or_default())),
         (true, true) => choice.fastest(),
         (true, false) => choice.cheapest(),
     };
-    let outcomes: Vec<String> = (0..candidates.len())
-        .map(|i| match &refusals[i] {
-            _ if i == winner => format!("chosen: {reason}"),
-            Some(refusal) => refusal.clone(),
-            None if !candidates[i].outcome.is_empty() => candidates[i].outcome.clone(),
-            None if measured => choice.outcome_measured(i, winner),
-            None => choice.outcome_predicted(i, winner),
+    let outcomes: Vec<Outcome> = (0..candidates.len())
+        .map(|i| match (&refusals[i], &candidates[i].failure) {
+            _ if i == winner => Outcome::Chosen(why.clone()),
+            (Some(excess), _) => Outcome::NotAllowed(excess.clone()),
+            (None, Some(failure)) => Outcome::Failed(failure.clone()),
+            (None, None) if measured => choice.outcome_measured(i, winner),
+            (None, None) => choice.outcome_predicted(i, winner),
         })
         .collect();
     let may_be_left_alone = refusals.first().is_none_or(Option::is_none);
-    candidates.iter_mut().zip(outcomes).for_each(|(candidate, outcome)| candidate.outcome = outcome);
-    Decision { winner, reason, keeps, may_be_left_alone }
+    Decision { winner, why, outcomes, keeps, may_be_left_alone }
 }
 
 /// Candidates, and what of each is beyond the bounds.
 struct Choice<'a> {
     candidates: &'a [Candidate],
     weights: &'a Weights,
-    refusals: &'a [Option<String>],
+    refusals: &'a [Option<Vec<Excess>>],
 }
 
 impl Choice<'_> {
@@ -82,6 +84,11 @@ impl Choice<'_> {
         self.candidates[i].plan.id
     }
 
+    /// How far a candidate is beyond the bounds.
+    fn excess(&self, i: usize) -> Vec<Excess> {
+        self.refusals[i].clone().unwrap_or_default()
+    }
+
     fn is_allowed(&self, i: usize) -> bool {
         self.refusals[i].is_none()
     }
@@ -95,12 +102,7 @@ impl Choice<'_> {
         of.min_by(|&a, &b| self.cost(a).total_cmp(&self.cost(b)).then(a.cmp(&b)))
     }
 
-    fn words_of_none(&self) -> String {
-        let refusal = self.refusals.first().and_then(Option::as_deref).unwrap_or("no candidate");
-        format!("no candidate keeps to all that is allowed, and the input stays as it is: {refusal}")
-    }
-
-    fn fastest(&self) -> (usize, String) {
+    fn fastest(&self) -> (usize, Why) {
         let timed = || (0..self.candidates.len()).filter_map(|i| Some((i, self.speed(i)?)));
         let must_change = !self.is_allowed(0);
         let allowed: Vec<(usize, f64)> = timed()
@@ -111,29 +113,14 @@ impl Choice<'_> {
         let equal = allowed.into_iter().filter(|f| f.1 >= (1.0 - EQUAL) * best);
         let refused = || timed().find(|(i, speed)| !self.is_allowed(*i) && Self::is_faster(speed)).map(|(i, _)| i);
         match (equal.min_by_key(|f| self.candidates[f.0].as_bytes), refused()) {
-            (Some((i, speedup)), _) if must_change => {
-                (i, self.words_of_change(&format!("measured {speedup:.3} times as fast as the input")))
+            (Some((i, speedup_ratio)), _) if must_change => {
+                (i, Why::MeasuredBestAllowed { speedup_ratio, input: self.excess(0) })
             }
-            (Some((i, speedup)), _) => (i, format!("measured {speedup:.3} times as fast as the input, the fastest")),
+            (Some((i, speedup_ratio)), _) => (i, Why::MeasuredFastest(speedup_ratio)),
             (None, _) if must_change => self.cheapest(),
-            (None, Some(i)) => {
-                let refusal = self.refusals[i].as_deref().unwrap_or_default();
-                let id = self.id(i);
-                (
-                    0,
-                    format!(
-                        "nothing within what is allowed was measured faster than the input by more than the spread; `{id}` was: {refusal}"
-                    ),
-                )
-            }
-            (None, None) => (0, "no candidate was measured faster than the input by more than the spread".to_owned()),
+            (None, Some(i)) => (0, Why::FasterNotAllowed { plan: self.id(i), excess: self.excess(i) }),
+            (None, None) => (0, Why::NoneMeasuredFaster),
         }
-    }
-
-    /// Why a candidate is taken though the input might be better.
-    fn words_of_change(&self, what: &str) -> String {
-        let refusal = self.refusals[0].as_deref().unwrap_or_default();
-        format!("{what}, the best within what is allowed; the input is not: {refusal}")
     }
 
     /// The single BLAS, where it may be taken.
@@ -141,80 +128,63 @@ impl Choice<'_> {
         (0..self.candidates.len()).find(|&i| self.candidates[i].plan.is_single() && self.is_allowed(i))
     }
 
-    fn cheapest(&self) -> (usize, String) {
-        let input = self.cost(0);
+    fn cheapest(&self) -> (usize, Why) {
+        let of_input = self.cost(0);
         let single = self.single();
         let bar = single.map_or(f64::INFINITY, |i| SURER_THAN_SINGLE * self.cost(i));
         let is_sure = |i: usize| Some(i) == single || self.cost(i) < bar;
         let best = self.least((1..self.candidates.len()).filter(|&i| self.is_allowed(i) && is_sure(i)));
         let refused =
-            || (1..self.candidates.len()).filter(|&i| !self.is_allowed(i) && self.cost(i) < WORTH_A_CHANGE * input);
-        if let Some(i) = best.filter(|&i| self.cost(i) < WORTH_A_CHANGE * input || !self.is_allowed(0)) {
-            let what = format!(
-                "predicted to take {} picoseconds a ray, the input {}",
-                picoseconds(self.cost(i)),
-                picoseconds(input)
-            );
-            let reason = if self.is_allowed(0) { what } else { self.words_of_change(&what) };
-            return (i, format!("{reason}; nothing was measured"));
+            || (1..self.candidates.len()).filter(|&i| !self.is_allowed(i) && self.cost(i) < WORTH_A_CHANGE * of_input);
+        if let Some(i) = best.filter(|&i| self.cost(i) < WORTH_A_CHANGE * of_input || !self.is_allowed(0)) {
+            let picoseconds = self.cost(i);
+            let why = match self.is_allowed(0) {
+                true => Why::PredictedCheapest { picoseconds, of_input },
+                false => Why::PredictedBestAllowed { picoseconds, of_input, input: self.excess(0) },
+            };
+            return (i, why);
         }
-        let nothing = match self.least(refused()) {
-            None => "nothing is predicted to cost clearly less than the input".to_owned(),
-            Some(i) => format!(
-                "nothing within what is allowed is predicted to cost clearly less than the input; `{}` would, at {:.2} of it: {}",
-                self.id(i),
-                self.cost(i) / input,
-                self.refusals[i].as_deref().unwrap_or_default()
-            ),
+        let why = match self.least(refused()) {
+            None => Why::NonePredictedCheaper,
+            Some(i) => {
+                Why::CheaperNotAllowed { plan: self.id(i), cost_ratio: self.cost(i) / of_input, excess: self.excess(i) }
+            }
         };
-        (0, format!("{nothing}; nothing was measured"))
+        (0, why)
     }
 
-    fn outcome_measured(&self, i: usize, winner: usize) -> String {
+    fn outcome_measured(&self, i: usize, winner: usize) -> Outcome {
         let candidate = &self.candidates[i];
         let Some(speed) = self.speed(i) else {
             return match (i, candidate.brief) {
-                (0, _) => "another was measured faster",
-                (_, Some(_)) => "timed briefly to be slower than another of its kind",
-                (_, None) => "not measured: predicted to cost more than those that were",
-            }
-            .to_owned();
+                (0, _) => Outcome::AnotherFaster,
+                (_, Some(_)) => Outcome::BrieflySlower,
+                (_, None) => Outcome::NotMeasured,
+            };
         };
         let ratio = speed.speedup_ratio;
         match self.speed(winner) {
-            _ if ratio < 1.0 - speed.spread_ratio => "measured slower than the input".to_owned(),
-            _ if !Self::is_faster(&speed) => "measured no faster than the input beyond the spread".to_owned(),
-            Some(best) if ratio >= (1.0 - EQUAL) * best.speedup_ratio => {
-                "as fast as the one chosen, which takes fewer bytes".to_owned()
-            }
-            Some(best) => format!("measured {:.3} times as fast as the one chosen", ratio / best.speedup_ratio),
-            None => "another was chosen".to_owned(),
+            _ if ratio < 1.0 - speed.spread_ratio => Outcome::SlowerThanInput,
+            _ if !Self::is_faster(&speed) => Outcome::NotFasterThanInput,
+            Some(best) if ratio >= (1.0 - EQUAL) * best.speedup_ratio => Outcome::MoreBytes,
+            Some(best) => Outcome::SpeedOfChosen(ratio / best.speedup_ratio),
+            None => Outcome::AnotherChosen,
         }
     }
 
-    fn outcome_predicted(&self, i: usize, winner: usize) -> String {
+    fn outcome_predicted(&self, i: usize, winner: usize) -> Outcome {
         let of = |other: usize| self.cost(i) / self.cost(other);
         let chosen = of(winner);
         match self.single() {
             // The bars that keep a candidate from being taken, cheaper as it is than the one chosen.
             _ if winner == 0 && (WORTH_A_CHANGE..1.0).contains(&chosen) => {
-                format!("predicted at {chosen:.2} of the input: only less than {WORTH_A_CHANGE} is worth a change")
+                Outcome::TooCloseToInput { cost_ratio: chosen, least: WORTH_A_CHANGE }
             }
             Some(single) if i != single && chosen < 1.0 => {
-                let chosen = of(single);
-                format!("predicted at {chosen:.2} of `single`: only less than {SURER_THAN_SINGLE} is taken instead")
+                Outcome::TooCloseToSingle { cost_ratio: of(single), least: SURER_THAN_SINGLE }
             }
-            _ => format!("predicted to cost {chosen:.2} times as much as the one chosen"),
+            _ => Outcome::CostOfChosen(chosen),
         }
-    }
-}
-
-/// Picoseconds, with as many digits as tell anything.
-fn picoseconds(cost: f64) -> String {
-    match cost {
-        c if c < 10.0 => format!("{c:.2}"),
-        c if c < 100.0 => format!("{c:.1}"),
-        c => format!("{c:.0}"),
     }
 }
 
@@ -262,7 +232,7 @@ mod tests {
             lap: None,
             brief: None,
             seconds: 0.0,
-            outcome: String::new(),
+            failure: None,
         }
     }
 
@@ -285,9 +255,11 @@ mod tests {
         candidate
     }
 
-    fn decided(mut candidates: Vec<Candidate>, bounds: &Bounds, measured: bool) -> (Decision, Vec<String>) {
-        let decision = decide(&mut candidates, &Weights::default(), bounds, measured);
-        (decision, candidates.into_iter().map(|c| c.outcome).collect())
+    /// The decision, and the outcomes in words.
+    fn decided(candidates: Vec<Candidate>, bounds: &Bounds, measured: bool) -> (Decision, Vec<String>) {
+        let decision = decide(&candidates, &Weights::default(), bounds, measured);
+        let outcomes = decision.outcomes.iter().map(ToString::to_string).collect();
+        (decision, outcomes)
     }
 
     fn three(largest: usize) -> Vec<Candidate> {
@@ -302,9 +274,8 @@ mod tests {
     fn what_a_bound_refused_is_no_reason_to_claim_that_nothing_is_cheaper() {
         let (decision, outcomes) = decided(three(400), &bounds(1.0, None), false);
         assert_eq!((decision.winner, decision.keeps), (0, true));
-        assert!(
-            decision.reason.contains("within what is allowed") && decision.reason.contains("`cluster` would, at 0.60")
-        );
+        let why = decision.why.to_string();
+        assert!(why.contains("within what is allowed") && why.contains("`cluster` would, at 0.60"), "{why}");
         assert_eq!(outcomes[1], "1.31 times the input's bytes, 1 allowed");
         assert!(outcomes[0].starts_with("chosen: "));
     }
@@ -313,11 +284,8 @@ mod tests {
     fn outcomes_tell_bytes_from_groups() {
         let (decision, outcomes) = decided(three(400), &bounds(1.25, Some(500)), false);
         assert_eq!(decision.winner, 2);
-        assert!(
-            decision.reason.contains("the input is not: a group of 5,000 triangles, 500 allowed"),
-            "{}",
-            decision.reason
-        );
+        let why = decision.why.to_string();
+        assert!(why.contains("the input is not: a group of 5,000 triangles, 500 allowed"), "{why}");
         assert_eq!(outcomes[1], "1.31 times the input's bytes, 1.25 allowed; a group of 9,000 triangles, 500 allowed");
         assert!(!decision.may_be_left_alone);
     }

@@ -9,6 +9,7 @@ mod bounds;
 mod candidate;
 mod decide;
 pub mod model;
+mod outcome;
 mod passes;
 pub mod plans;
 mod refine;
@@ -25,17 +26,18 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::BlasPer;
 use crate::layout::{self, Layout, PlacedTrees};
 use crate::methods::{self, Cache, Method, PartOptions, PlanId};
-use crate::report::{self, DecidedBy, MethodReport, Pass};
 use crate::scene::{Pinned, Scene};
 use crate::tree::Tree;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
+use crate::verify::weights::Overall;
 use crate::verify::{Care, Machine, MachineKind, VerifyOptions};
-use crate::words::instances_stay;
-use bounds::{Bounds, Origin};
+use bounds::Bounds;
 use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
 use model::{Class, Ranking};
+pub use outcome::{CandidateResult, DecidedBy, Excess, GroupCause, Note, Origin, Outcome, Selection, Why};
+pub use passes::{But, NotTimed, Pass, PassId, Reason};
 use plans::{Effort, Plan};
 use refine::Round;
 
@@ -112,9 +114,11 @@ pub struct Chosen {
     /// Trees of the groups that are written anew, as [`layout::order_for_good`] gives them.
     pub trees: Vec<Option<Arc<Tree>>>,
     /// How it was chosen.
-    pub report: MethodReport,
+    pub selection: Selection,
     /// What was done and left out.
     pub passes: Vec<Pass>,
+    /// What to know about it.
+    pub notes: Vec<Note>,
     /// Whether the input as it is may be written instead, if this one turns out not to be faster: it was measured to be the
     /// fastest, rather than predicted or asked for, and the input keeps to what is allowed.
     pub may_be_left_alone: bool,
@@ -125,31 +129,24 @@ impl Chosen {
     /// The input as it is instead, for a candidate that was not faster when it was measured again.
     pub fn left_alone(self, scene: &Scene) -> Chosen {
         let layout = methods::run(Method::Keep, scene, &methods::Options::default());
-        let reason = format!("{} was not faster than the input when it was verified", self.report.chosen_candidate);
-        let keep = PlanId::from(Method::Keep);
         let mut passes = self.passes;
-        passes.iter_mut().filter(|pass| pass.applied && pass.name != passes::MEASURING).for_each(|pass| {
-            (pass.applied, pass.reason) = (false, "the input is left alone".to_owned());
-        });
-        let mut candidates = self.report.candidates;
-        for candidate in &mut candidates {
-            if candidate.id == self.report.chosen_candidate {
-                candidate.outcome = "measured to be the fastest, but not faster when it was verified".to_owned();
-            } else if candidate.id == keep {
-                candidate.outcome = format!("chosen: {reason}");
-            }
-        }
-        let report =
-            MethodReport { chosen: Method::Keep.name(), chosen_candidate: keep, reason, candidates, ..self.report };
+        passes::left_alone(&mut passes);
+        let mut selection = self.selection;
+        let why = Why::NotFasterWhenVerified(selection.plan);
+        selection.candidates[selection.chosen].outcome = Outcome::NotFasterWhenVerified;
+        selection.candidates[0].outcome = Outcome::Chosen(why.clone());
+        let plan = selection.candidates[0].plan;
+        let selection = Selection { method: Method::Keep, plan, why, chosen: 0, ..selection };
         let pins: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
         let origin = Origin::Chosen(Method::Keep);
-        Chosen { layout, trees: Vec::new(), report, passes, ..self }.with_notes(scene, origin, &pins)
+        Chosen { layout, trees: Vec::new(), selection, passes, notes: Vec::new(), ..self }
+            .with_notes(scene, origin, &pins)
     }
 
     /// Notes what of the layout is beyond what the user allows.
     fn with_notes(mut self, scene: &Scene, origin: Origin, pins: &[Option<Pinned>]) -> Chosen {
         let notes = self.bounds.notes(scene, &self.layout, origin, pins);
-        self.layout.notes.extend(notes);
+        self.notes.extend(notes);
         self
     }
 }
@@ -192,19 +189,17 @@ fn asked_for(
     let mut cache = Cache::serving([&plan.options]);
     let laid = lay_out(&mut cache, scene, &plan, verify.max_position_error_ratio);
     let pins = laid.pins.clone();
-    let report = MethodReport {
-        requested: options.method.name(),
-        chosen: method.name(),
-        chosen_candidate: method.into(),
+    let selection = Selection {
+        requested: options.method,
+        method,
+        plan: plan.id,
         decided_by: DecidedBy::Request,
-        reason: "asked for".to_owned(),
+        why: Why::AskedFor,
         candidates: Vec::new(),
+        chosen: 0,
     };
-    finish(scene, laid, &cache.into_trees(), (report, Vec::new()), (bounds, false)).with_notes(
-        scene,
-        Origin::Asked(method),
-        &pins,
-    )
+    let found = Found { selection, passes: Vec::new(), may_be_left_alone: false };
+    finish(scene, laid, &cache.into_trees(), found, bounds, verify).with_notes(scene, Origin::Asked(method), &pins)
 }
 
 /// What the methods are told, and how the consumer builds what they lay out.
@@ -238,48 +233,55 @@ fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     if let Ok(count) = &mut raced {
         *count += choosing.refine(scene, &mut candidates, &bounds);
     }
-    passes.push(passes::measuring(&raced, start.elapsed().as_secs_f64()));
-    let measured = raced.is_ok_and(|count| count > 0);
-    let decision = decide::decide(&mut candidates, &verify.weights, &bounds, measured);
-    let reports = reports(&candidates, &held_back, verify);
+    let measured = raced.as_ref().is_ok_and(|&count| count > 0);
+    passes.push(passes::measuring(raced, start.elapsed().as_secs_f64()));
+    let decision = decide::decide(&candidates, &verify.weights, &bounds, measured);
+    let results = results(&candidates, decision.outcomes, &held_back, verify);
     let winner = candidates.swap_remove(decision.winner);
     passes::tell_used(&mut passes, scene, &winner.plan, &winner.laid.layout);
-    let report = MethodReport {
-        requested: "auto",
-        chosen: winner.plan.method.name(),
-        chosen_candidate: winner.plan.id,
+    let selection = Selection {
+        requested: options.method,
+        method: winner.plan.method,
+        plan: winner.plan.id,
         decided_by: if measured { DecidedBy::Measurement } else { DecidedBy::Prediction },
-        reason: decision.reason,
-        candidates: reports,
+        why: decision.why,
+        candidates: results,
+        chosen: decision.winner,
     };
     let pins = winner.laid.pins.clone();
     scene.instances.iter_mut().zip(&pins).for_each(|(instance, pin)| instance.pinned = *pin);
     let origin = if decision.keeps { Origin::Chosen(winner.plan.method) } else { Origin::NoneKeeps };
-    let may_be_left_alone = measured && decision.may_be_left_alone;
-    finish(scene, winner.laid, &placed, (report, passes), (bounds, may_be_left_alone)).with_notes(scene, origin, &pins)
+    let found = Found { selection, passes, may_be_left_alone: measured && decision.may_be_left_alone };
+    finish(scene, winner.laid, &placed, found, bounds, verify).with_notes(scene, origin, &pins)
 }
 
-/// The entries of the report: of all candidates, and of those that come to another one only because rounding must not move
-/// vertices too far. The input, which is the first, is its own measure where others were timed.
-fn reports(candidates: &[Candidate], held_back: &[HeldBack], verify: &VerifyOptions) -> Vec<report::Candidate> {
-    let mut reports: Vec<report::Candidate> = candidates.iter().map(|c| c.report(&verify.weights)).collect();
+/// What came of all candidates, and of the plans that come to another one only because rounding must not move vertices too
+/// far. The input, which is the first, is its own measure if others were timed.
+fn results(
+    candidates: &[Candidate],
+    outcomes: Vec<Outcome>,
+    held_back: &[HeldBack],
+    verify: &VerifyOptions,
+) -> Vec<CandidateResult> {
+    let result = |(candidate, outcome): (&Candidate, _)| candidate.result(&verify.weights, outcome);
+    let mut results: Vec<CandidateResult> = candidates.iter().zip(outcomes).map(result).collect();
     let timed = candidates.iter().find_map(|c| c.speed(&verify.weights));
-    if let (Some(input), Some(timed)) = (reports.first_mut(), timed) {
-        input.measured_mrays_per_s = Some(timed.before_mrays_per_s);
-        (input.measured_speedup_ratio, input.measured_spread_ratio) = (Some(1.0), Some(0.0));
+    if let (Some(input), Some(timed)) = (results.first_mut(), timed) {
+        let after_mrays_per_s = timed.before_mrays_per_s;
+        input.measured = Some(Overall { after_mrays_per_s, speedup_ratio: 1.0, spread_ratio: 0.0, ..timed });
     }
     let of_held_back = |held: &HeldBack| {
-        let same = &reports[held.same_as];
-        let stay = instances_stay(held.instances);
-        let outcome = format!(
-            "comes to `{}`: {stay}, as written out vertices would move farther than {:e} of the diagonal, or a ten-thousandth of their own",
-            same.id, verify.max_position_error_ratio
-        );
-        report::Candidate { id: held.id, outcome, seconds: held.seconds, ..same.clone() }
+        let same = &results[held.same_as];
+        let outcome = Outcome::HeldBack {
+            same_as: same.plan,
+            instances: held.instances,
+            max_position_error_ratio: verify.max_position_error_ratio,
+        };
+        CandidateResult { plan: held.id, outcome, seconds: held.seconds, ..same.clone() }
     };
-    let more: Vec<report::Candidate> = held_back.iter().map(of_held_back).collect();
-    reports.extend(more);
-    reports
+    let more: Vec<CandidateResult> = held_back.iter().map(of_held_back).collect();
+    results.extend(more);
+    results
 }
 
 /// A plan that comes to the same as another one because instances stay whose vertices rounding would move too far.
@@ -339,16 +341,22 @@ impl Choosing<'_> {
     }
 
     /// Times the candidates chosen on the device, if there is one; gives their number, or why there are none.
-    fn race(&self, scene: &Scene, candidates: &mut [Candidate], chosen: &[usize], care: Care) -> Result<usize, String> {
+    fn race(
+        &self,
+        scene: &Scene,
+        candidates: &mut [Candidate],
+        chosen: &[usize],
+        care: Care,
+    ) -> Result<usize, NotTimed> {
         if chosen.is_empty() {
-            return Err("no candidate differs from the input".to_owned());
+            return Err(NotTimed::NothingDiffers);
         }
         let last = Mutex::default();
         let scene_of = |i: usize| candidates[chosen[i]].laid.written_after(scene, &last);
         let laps = self.machine.race(scene, chosen.len(), scene_of, care, self.verify);
         let weights = &self.verify.weights;
         let mut count = 0;
-        for (&i, lap) in chosen.iter().zip(laps.ok_or("no device traces rays: the model decides")??) {
+        for (&i, lap) in chosen.iter().zip(laps.ok_or(NotTimed::NoDevice)?.map_err(NotTimed::Failed)?) {
             match lap {
                 Ok(lap) => {
                     let candidate = &mut candidates[i];
@@ -358,7 +366,7 @@ impl Choosing<'_> {
                     }
                     count += 1;
                 }
-                Err(why) => candidates[i].outcome = why,
+                Err(why) => candidates[i].failure = Some(why),
             }
         }
         Ok(count)
@@ -436,18 +444,30 @@ fn lay_out_all<'p>(
 /// Candidates ranked side by side: each takes memory for its trees.
 const RANKED_AT_ONCE: usize = 2;
 
+/// How a layout was chosen, and what was done before it was.
+struct Found {
+    selection: Selection,
+    passes: Vec<Pass>,
+    may_be_left_alone: bool,
+}
+
 /// Puts the triangles of what is written in tree order.
 fn finish(
     scene: &Scene,
     laid: Laid,
     placed: &PlacedTrees,
-    (report, mut passes): (MethodReport, Vec<Pass>),
-    (bounds, may_be_left_alone): (Bounds, bool),
+    found: Found,
+    bounds: Bounds,
+    verify: &VerifyOptions,
 ) -> Chosen {
+    let Found { selection, mut passes, may_be_left_alone } = found;
+    let held_back =
+        Note::HeldBack { instances: laid.held_back, max_position_error_ratio: verify.max_position_error_ratio };
+    let notes = if laid.held_back > 0 { vec![held_back] } else { Vec::new() };
     let mut layout = Arc::unwrap_or_clone(laid.layout);
     layout::turn_axes(&mut layout, laid.axes);
     passes.extend(laid.passes);
     let (pass, trees) = passes::order(scene, &mut layout, placed);
     passes.push(pass);
-    Chosen { layout, trees, report, passes, may_be_left_alone, bounds }
+    Chosen { layout, trees, selection, passes, notes, may_be_left_alone, bounds }
 }

@@ -10,56 +10,187 @@ use super::plans::Plan;
 use crate::cost::Metrics;
 use crate::emit;
 use crate::layout::{self, Content, Group, Layout, PlacedTrees};
-use crate::methods::{self, Instances, Method};
-use crate::report::Pass;
+use crate::methods::{self, Instances, Method, PlanId};
 use crate::scene::{Opacity, Scene};
 use crate::tree::Tree;
-use crate::words::counted;
 
 /// Triangles whose boxes have on average less than this many times the area of the tightest lie along the axes.
 const LOOSE: f64 = 1.02;
 
-/// The pass that times candidates, by name.
-pub(super) const MEASURING: &str = "measure candidates";
+/// A step of a bake that is taken or left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PassId {
+    /// Meshes that are copies of others become instances of them.
+    FindCopies,
+    /// Objects that overlap are regrouped.
+    ReduceOverlap,
+    /// Instances of shared meshes are opened or written out.
+    ChooseInstances,
+    /// Groups are stored in frames of their own.
+    Frames,
+    /// What encloses the rest or lies far outside has groups of its own.
+    Isolate,
+    /// Triangles that are not opaque have groups of their own.
+    SplitOpacity,
+    /// Candidates are timed on a device.
+    Measure,
+    /// The method regroups.
+    Regroup,
+    /// Groups are stored around their centres.
+    CentreFrames,
+    /// Triangles are put in tree order.
+    Order,
+    /// Instances are written as copies of one node.
+    InstancingExtension,
+    /// Empty nodes are dropped.
+    Prune,
+}
 
-/// Something that a plan may try, by the name of its pass.
+impl PassId {
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            PassId::FindCopies => "find copies",
+            PassId::ReduceOverlap => "reduce overlap",
+            PassId::ChooseInstances => "open or bake instances",
+            PassId::Frames => "frames",
+            PassId::Isolate => "isolate",
+            PassId::SplitOpacity => "split opacity",
+            PassId::Measure => "measure candidates",
+            PassId::Regroup => "regroup",
+            PassId::CentreFrames => "centre frames",
+            PassId::Order => "order by tree",
+            PassId::InstancingExtension => "instancing extension",
+            PassId::Prune => "prune",
+        }
+    }
+}
+
+/// A step that was taken or left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pass {
+    /// What it is.
+    pub id: PassId,
+    /// Whether it changed anything.
+    pub applied: bool,
+    /// Why.
+    pub reason: Reason,
+    /// What became of it afterwards.
+    pub buts: Vec<But>,
+    /// Time it took.
+    pub seconds: f64,
+}
+
+/// Why a step was taken or left out.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reason {
+    /// Fewer than two instances may be restructured.
+    FewFreeInstances,
+    /// No two instance boxes overlap.
+    NoOverlap,
+    /// Instance boxes overlap.
+    Overlap,
+    /// No mesh is placed twice by instances that may be restructured.
+    NoSharedMesh,
+    /// Instances of shared meshes overlap others.
+    SharedOverlap,
+    /// The boxes of triangles are this many times as large as they need be.
+    Loose(f64),
+    /// All triangles lie along the axes.
+    AlongAxes,
+    /// Some objects enclose the rest or lie far outside.
+    SomeApart,
+    /// No object does.
+    NoneApart,
+    /// Some triangles are opaque and some are not.
+    OpacitiesMeet,
+    /// All materials are opaque.
+    AllOpaque,
+    /// Some triangles are opaque and some are not, but no two of them may be regrouped.
+    OpacitiesDoNotMeet,
+    /// The user forbids it.
+    Forbidden,
+    /// This many candidates were timed.
+    Timed(usize),
+    /// No candidate was timed.
+    NotTimed(NotTimed),
+    /// Rewritten groups are put in tree order.
+    Ordered,
+    /// No group is rewritten.
+    NothingToOrder,
+    /// The layout differs from the input's.
+    Regrouped,
+    /// The layout is the input's.
+    NotRegrouped,
+    /// This many groups are stored around their centres so that rounding stays within the limit.
+    Centred(usize),
+    /// The input is written as it is after all.
+    InputLeftAlone,
+}
+
+/// Why no candidate was timed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NotTimed {
+    /// No candidate differs from the input.
+    NothingDiffers,
+    /// No device traces rays.
+    NoDevice,
+    /// The device could take no candidate.
+    NoneTaken,
+    /// The device failed; its reason.
+    Failed(String),
+}
+
+/// What became of a step that was worth a try or not.
+#[derive(Clone, Debug, PartialEq)]
+pub enum But {
+    /// No plan tries it.
+    NotTried,
+    /// It was tried, but what was chosen does without.
+    ChosenWithout,
+    /// The plan that was chosen does it all the same.
+    ChosenWith(PlanId),
+}
+
+impl Pass {
+    /// A step that began at some time and ends now.
+    pub(super) fn since(start: Instant, id: PassId, applied: bool, reason: Reason) -> Pass {
+        Pass { id, applied, reason, buts: Vec::new(), seconds: start.elapsed().as_secs_f64() }
+    }
+}
+
+/// Something that a plan may try.
 struct Trial {
-    pass: &'static str,
+    pass: PassId,
     /// Whether a plan tries it.
     is_in: fn(&Plan) -> bool,
     /// Whether a layout that a plan came to has it.
     shows: fn(&Scene, &Plan, &Layout) -> bool,
 }
 
-const REDUCE_OVERLAP: &str = "reduce overlap";
-const CHOOSE_INSTANCES: &str = "open or bake instances";
-const FRAMES: &str = "frames";
-const ISOLATE: &str = "isolate";
-const SPLIT_OPACITY: &str = "split opacity";
-
 const TRIALS: [Trial; 5] = [
     Trial {
-        pass: REDUCE_OVERLAP,
+        pass: PassId::ReduceOverlap,
         is_in: |plan| plan.method == Method::Overlap,
         shows: |_, plan, _| plan.method == Method::Overlap,
     },
     Trial {
-        pass: CHOOSE_INSTANCES,
+        pass: PassId::ChooseInstances,
         is_in: |plan| !matches!(plan.method, Method::Keep | Method::PerObject),
         shows: |scene, _, layout| replaces_shared(scene, layout),
     },
     Trial {
-        pass: FRAMES,
+        pass: PassId::Frames,
         is_in: |plan| is_turnable(plan) && plan.options.instances.frames,
         shows: |_, plan, layout| plan.options.instances.frames && layout.groups.iter().any(is_turned),
     },
     Trial {
-        pass: ISOLATE,
+        pass: PassId::Isolate,
         is_in: |plan| sets_apart(plan) && plan.options.parts.isolate,
         shows: |_, plan, _| sets_apart(plan) && plan.options.parts.isolate,
     },
     Trial {
-        pass: SPLIT_OPACITY,
+        pass: PassId::SplitOpacity,
         is_in: |plan| sets_apart(plan) && plan.options.parts.split_opacity,
         shows: |_, plan, _| sets_apart(plan) && plan.options.parts.split_opacity,
     },
@@ -104,10 +235,10 @@ pub(super) fn worth_a_try(
     let overlap = before.overlap_ratio > 0.0;
     let forbidden = options.forbidden;
     let (separate, instances) = (separate(scene, overlap), choose_instances(scene, overlap));
-    let instances = unless(instances, forbidden.choose_instances, "--instances bake-or-keep");
-    let frames = unless(frames(scene), !options.layout.instances.frames, "--frames false");
-    let isolate = unless(isolate(scene), forbidden.isolate, "--isolate false");
-    let opacity = unless(split_opacity(scene), forbidden.split_opacity, "--split-opacity false");
+    let instances = unless(instances, forbidden.choose_instances);
+    let frames = unless(frames(scene), !options.layout.instances.frames);
+    let isolate = unless(isolate(scene), forbidden.isolate);
+    let opacity = unless(split_opacity(scene), forbidden.split_opacity);
     let mut tried: Vec<Plan> = Vec::new();
     for mut plan in plans.into_iter().filter(|plan| plan.method != Method::Overlap || separate.applied) {
         plan.options.instances.frames &= frames.applied;
@@ -125,7 +256,7 @@ pub(super) fn worth_a_try(
     for (pass, trial) in with_trials(&mut passes) {
         if pass.applied && !tried.iter().any(trial.is_in) {
             pass.applied = false;
-            pass.reason = format!("{}, but no candidate of this effort or within these bounds tries it", pass.reason);
+            pass.buts.push(But::NotTried);
         }
     }
     (tried, passes)
@@ -136,26 +267,33 @@ pub(super) fn tell_used(passes: &mut [Pass], scene: &Scene, plan: &Plan, layout:
     for (pass, trial) in with_trials(passes) {
         let shows = (trial.shows)(scene, plan, layout);
         if pass.applied && !shows {
-            pass.reason = format!("{}; tried, but what was chosen does without", pass.reason);
+            pass.buts.push(But::ChosenWithout);
         } else if !pass.applied && shows {
-            pass.reason = format!("{}, but `{}` does it", pass.reason, plan.id);
+            pass.buts.push(But::ChosenWith(plan.id));
         }
         pass.applied = shows;
+    }
+}
+
+/// Takes back what was done to the layout, because the input is written as it is.
+pub(super) fn left_alone(passes: &mut [Pass]) {
+    for pass in passes.iter_mut().filter(|pass| pass.applied && pass.id != PassId::Measure) {
+        (pass.applied, pass.reason, pass.buts) = (false, Reason::InputLeftAlone, Vec::new());
     }
 }
 
 /// The passes that are trials.
 fn with_trials(passes: &mut [Pass]) -> impl Iterator<Item = (&mut Pass, &'static Trial)> {
     passes.iter_mut().filter_map(|pass| {
-        let trial = TRIALS.iter().find(|trial| trial.pass == pass.name)?;
+        let trial = TRIALS.iter().find(|trial| trial.pass == pass.id)?;
         Some((pass, trial))
     })
 }
 
 /// A pass, left out where the user forbids it.
-fn unless(pass: Pass, forbidden: bool, by: &str) -> Pass {
+fn unless(pass: Pass, forbidden: bool) -> Pass {
     match forbidden {
-        true => Pass { applied: false, reason: format!("{by} forbids it"), ..pass },
+        true => Pass { applied: false, reason: Reason::Forbidden, ..pass },
         false => pass,
     }
 }
@@ -164,11 +302,11 @@ fn separate(scene: &Scene, overlap: bool) -> Pass {
     let start = Instant::now();
     let free = scene.instances.iter().filter(|i| i.pinned.is_none()).count();
     let reason = match (free, overlap) {
-        (0 | 1, _) => "fewer than two instances may be restructured",
-        (_, false) => "no two instance boxes overlap",
-        _ => "instance boxes overlap",
+        (0 | 1, _) => Reason::FewFreeInstances,
+        (_, false) => Reason::NoOverlap,
+        _ => Reason::Overlap,
     };
-    pass(REDUCE_OVERLAP, free > 1 && overlap, reason, start)
+    Pass::since(start, PassId::ReduceOverlap, free > 1 && overlap, reason)
 }
 
 fn choose_instances(scene: &Scene, overlap: bool) -> Pass {
@@ -177,31 +315,25 @@ fn choose_instances(scene: &Scene, overlap: bool) -> Pass {
     scene.instances.iter().filter(|i| i.pinned.is_none()).for_each(|i| free[i.mesh.0 as usize] += 1);
     let shared = free.iter().any(|&count| count > 1);
     let reason = match (shared, overlap) {
-        (false, _) => "no mesh is placed twice by instances that may be restructured",
-        (_, false) => "no two instance boxes overlap",
-        _ => "instances of shared meshes overlap others",
+        (false, _) => Reason::NoSharedMesh,
+        (_, false) => Reason::NoOverlap,
+        _ => Reason::SharedOverlap,
     };
-    pass(CHOOSE_INSTANCES, shared && overlap, reason, start)
+    Pass::since(start, PassId::ChooseInstances, shared && overlap, reason)
 }
 
 fn frames(scene: &Scene) -> Pass {
     let start = Instant::now();
     let looseness = methods::looseness(scene);
-    let reason = match looseness > LOOSE {
-        true => format!("the boxes of triangles are {looseness:.2} times as large as they need be"),
-        false => "all triangles lie along the axes".to_owned(),
-    };
-    pass(FRAMES, looseness > LOOSE, &reason, start)
+    let reason = if looseness > LOOSE { Reason::Loose(looseness) } else { Reason::AlongAxes };
+    Pass::since(start, PassId::Frames, looseness > LOOSE, reason)
 }
 
 fn isolate(scene: &Scene) -> Pass {
     let start = Instant::now();
     let isolates = methods::isolates(scene);
-    let reason = match isolates {
-        true => "some objects enclose the rest or lie far outside",
-        false => "no object encloses the scene and none lies far outside",
-    };
-    pass(ISOLATE, isolates, reason, start)
+    let reason = if isolates { Reason::SomeApart } else { Reason::NoneApart };
+    Pass::since(start, PassId::Isolate, isolates, reason)
 }
 
 fn split_opacity(scene: &Scene) -> Pass {
@@ -209,22 +341,21 @@ fn split_opacity(scene: &Scene) -> Pass {
     let differ = methods::opacities_differ(scene);
     let opaque = || scene.meshes.iter().flat_map(|m| &m.geometries).all(|g| g.opacity == Opacity::Opaque);
     let reason = match differ {
-        true => "some triangles are opaque and some are not",
-        false if opaque() => "all materials are opaque",
-        false => "opaque triangles and others that may be regrouped do not meet",
+        true => Reason::OpacitiesMeet,
+        false if opaque() => Reason::AllOpaque,
+        false => Reason::OpacitiesDoNotMeet,
     };
-    pass(SPLIT_OPACITY, differ, reason, start)
+    Pass::since(start, PassId::SplitOpacity, differ, reason)
 }
 
-/// The pass that times candidates on a device.
-pub(super) fn measuring(raced: &Result<usize, String>, seconds: f64) -> Pass {
+/// The pass that times candidates on a device: how many were timed, and how long that took.
+pub(super) fn measuring(raced: Result<usize, NotTimed>, seconds: f64) -> Pass {
     let (applied, reason) = match raced {
-        Ok(0) => (false, "the device could take no candidate: the model decides".to_owned()),
-        Ok(1) => (true, "1 candidate was timed in turns with the input".to_owned()),
-        Ok(n) => (true, format!("{} were timed in turns with the input", counted(*n, "candidate"))),
-        Err(why) => (false, why.clone()),
+        Ok(0) => (false, Reason::NotTimed(NotTimed::NoneTaken)),
+        Ok(count) => (true, Reason::Timed(count)),
+        Err(why) => (false, Reason::NotTimed(why)),
     };
-    Pass { name: MEASURING, applied, reason, seconds }
+    Pass { id: PassId::Measure, applied, reason, buts: Vec::new(), seconds }
 }
 
 /// Puts the triangles of rewritten groups in tree order; gives their trees, as [`layout::order_for_good`] does.
@@ -232,10 +363,6 @@ pub(super) fn order(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -> 
     let start = Instant::now();
     let regrouped = !emit::is_unchanged(layout);
     let trees = if regrouped { layout::order_for_good(scene, layout, known) } else { Vec::new() };
-    let reason = if regrouped { "rewritten groups are put in tree order" } else { "no group is rewritten" };
-    (pass("order by tree", regrouped, reason, start), trees)
-}
-
-pub(super) fn pass(name: &'static str, applied: bool, reason: &str, start: Instant) -> Pass {
-    Pass { name, applied, reason: reason.to_owned(), seconds: start.elapsed().as_secs_f64() }
+    let reason = if regrouped { Reason::Ordered } else { Reason::NothingToOrder };
+    (Pass::since(start, PassId::Order, regrouped, reason), trees)
 }

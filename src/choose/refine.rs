@@ -96,7 +96,7 @@ pub(super) fn worth_a_closer_look(near: &[Candidate]) -> Vec<usize> {
 fn turned(candidate: &Candidate, axes: usize) -> Candidate {
     let laid = Laid { axes: axes as u8, ..candidate.laid.clone() };
     let plan = Plan { id: candidate.plan.id.along(axes as u8), ..candidate.plan.clone() };
-    Candidate { plan, laid, lap: None, brief: None, seconds: 0.0, outcome: String::new(), ..*candidate }
+    Candidate { plan, laid, lap: None, brief: None, seconds: 0.0, failure: None, ..*candidate }
 }
 
 #[cfg(test)]

@@ -52,10 +52,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
         blas_per,
         before: metrics_before,
         after: metrics_after,
-        matched_by: match matching {
-            Matching::Identity => "identity",
-            Matching::Surface => "surface",
-        },
+        matched_by: matching,
         verdict: verdict::verdict(&verification, &options.weights, false),
         overall: Speed::of(&verification, &options.weights, machine.name().1),
         notes,

@@ -12,9 +12,9 @@ use super::nnls;
 use super::quality::{Quality, Times, quality};
 use super::rows::{KindRow, Row, by_scene};
 use crate::choose::model::{Class, Counts, Prices};
-use crate::verify::PerKind;
 use crate::verify::rays::RayKind;
 use crate::verify::weights::Weights;
+use crate::verify::{MachineKind, PerKind};
 
 /// Rows at least: twice as many as there are prices.
 const FEWEST_ROWS: usize = 8;
@@ -34,7 +34,7 @@ pub struct Fit {
     /// What timed the layouts.
     pub device: String,
     /// `gpu`, `software driver` or `cpu`.
-    pub device_kind: &'static str,
+    pub device_kind: MachineKind,
     /// Layouts fitted to.
     pub layouts: usize,
     /// Scenes they are of.

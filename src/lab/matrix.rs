@@ -50,7 +50,7 @@ pub(super) fn measure(
     };
     let (device, kind) = machine.name();
     for (row, lap) in rows.iter_mut().zip(laps) {
-        (row.device, row.device_kind) = (device.to_owned(), kind.name());
+        (row.device, row.device_kind) = (device.to_owned(), kind);
         match lap {
             Ok(lap) => time(row, &lap),
             Err(why) => row.failure = Some(why),

@@ -12,6 +12,7 @@ use super::quality::Quality;
 use super::rows::{Row, to_csv, to_json_lines};
 use crate::choose::model::{Class, Prices};
 use crate::report::json::to_json;
+use crate::verify::MachineKind;
 
 /// All names that may be written.
 const NAMES: [&str; 4] = ["layouts.csv", "layouts.jsonl", "fit.json", "fit.md"];
@@ -63,9 +64,11 @@ fn parent(out: &Path) -> &Path {
 /// A fit for people, and as the table of prices in `src/choose/model.rs` has it.
 pub(super) fn markdown(fit: &Fit, class: Class) -> String {
     let Fit { class: name, device, device_kind, layouts, scenes, .. } = fit;
-    let mut text =
-        format!("# Prices of `{name}`, fitted to {layouts} layouts of {scenes} scenes on {device} ({device_kind})\n\n");
-    if *device_kind != "gpu" {
+    let mut text = format!(
+        "# Prices of `{name}`, fitted to {layouts} layouts of {scenes} scenes on {device} ({})\n\n",
+        device_kind.name()
+    );
+    if *device_kind != MachineKind::Gpu {
         text += "These were not timed on a GPU and say nothing of one.\n\n";
     }
     text += "| kind | picoseconds a ray (T TLAS nodes, E entries, N BLAS nodes) | RMS relative error |\n| --- | --- | --- |\n";
@@ -124,7 +127,7 @@ mod tests {
             raykiln_version: "0",
             class: "rt-cores",
             device: "a GPU".into(),
-            device_kind: "gpu",
+            device_kind: MachineKind::Gpu,
             layouts: 8,
             scenes: 2,
             kinds: RayKind::ALL.map(|of| kind(of.name())).into(),

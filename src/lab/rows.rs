@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::choose::model::Counts;
-use crate::verify::PerKind;
+use crate::verify::{MachineKind, PerKind};
 
 /// A layout of a scene. `docs/lab.md` describes the columns.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -19,7 +19,7 @@ pub struct Row {
     /// What timed it.
     pub device: String,
     /// `gpu`, `software driver` or `cpu`.
-    pub device_kind: &'static str,
+    pub device_kind: MachineKind,
     /// Triangles placed.
     pub triangles: u64,
     /// Mesh groups (BLASes).
@@ -83,7 +83,7 @@ impl Row {
             text("layout", self.layout.clone()),
             text("same_as", self.same_as.join("; ")),
             text("device", self.device.clone()),
-            text("device_kind", self.device_kind.to_owned()),
+            text("device_kind", self.device_kind.name().to_owned()),
             text("triangles", self.triangles.to_string()),
             text("groups", self.groups.to_string()),
             text("instances", self.instances.to_string()),

@@ -1,26 +1,31 @@
 //! Reports: the data (this module), as JSON ([`json`]) and as text for people ([`text`]).
 
 pub mod candidates;
+mod choice;
 mod devices;
 pub mod json;
+mod passes;
 pub mod text;
 mod told;
 pub mod verdict;
 
 pub use devices::{Device, DeviceLimits, DevicesReport};
+pub use passes::Pass;
 pub use told::{Speed, Told};
 
 use std::path::PathBuf;
 
 use serde::Serialize;
 
+pub use crate::choose::DecidedBy;
+use crate::choose::{CandidateResult, Selection, Why};
 use crate::cost::Metrics;
 use crate::emit::Copied;
 use crate::layout::BlasPer;
 use crate::methods::PlanId;
 use crate::scene::Scene;
-use crate::verify::Verification;
 use crate::verify::verdict::Verdict;
+use crate::verify::{Matching, Verification};
 
 /// Identifies the JSON form of [`BakeReport`].
 pub const SCHEMA: &str = "raykiln.report/1";
@@ -72,18 +77,6 @@ pub struct BakeReport {
     pub notes: Vec<String>,
 }
 
-/// What decided on a layout.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum DecidedBy {
-    /// The user, who named a method.
-    Request,
-    /// Predicted costs alone.
-    Prediction,
-    /// Candidates timed on a device.
-    Measurement,
-}
-
 /// What a scene is made of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -120,7 +113,7 @@ pub struct MethodReport {
     pub decided_by: DecidedBy,
     /// Why, in words.
     pub reason: String,
-    /// All layouts looked at.
+    /// All layouts looked at; the input first, unless the user asked for a method.
     pub candidates: Vec<Candidate>,
 }
 
@@ -154,20 +147,6 @@ pub struct Candidate {
     /// Whether it was timed no more than briefly, along other axes than one that is listed.
     #[serde(skip)]
     pub brief: bool,
-}
-
-/// A step that was taken or left out.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct Pass {
-    /// Its name.
-    pub name: &'static str,
-    /// Whether it changed anything.
-    pub applied: bool,
-    /// Why, in words.
-    pub reason: String,
-    /// Time it took.
-    pub seconds: f64,
 }
 
 /// Time by stage, in seconds.
@@ -208,7 +187,7 @@ pub struct VerifyReport {
     pub after: Metrics,
     /// `identity`: the output says which triangle of the input each of its own is. `surface`: it does not, so that only
     /// what rays see was compared.
-    pub matched_by: &'static str,
+    pub matched_by: Matching,
     /// What tracing both files showed.
     pub verify: Verification,
     /// The speed that the verdict goes by.
@@ -283,6 +262,37 @@ pub enum Severity {
     Error,
 }
 
+impl From<Selection> for MethodReport {
+    fn from(selection: Selection) -> MethodReport {
+        MethodReport {
+            requested: selection.requested.name(),
+            chosen: selection.method.name(),
+            chosen_candidate: selection.plan,
+            decided_by: selection.decided_by,
+            reason: selection.why.to_string(),
+            candidates: selection.candidates.into_iter().map(Candidate::from).collect(),
+        }
+    }
+}
+
+impl From<CandidateResult> for Candidate {
+    fn from(result: CandidateResult) -> Candidate {
+        Candidate {
+            id: result.plan,
+            predicted_cost: result.predicted_cost,
+            sampled_cost: Some(result.sampled_cost),
+            measured_mrays_per_s: result.measured.map(|m| m.after_mrays_per_s),
+            measured_speedup_ratio: result.measured.map(|m| m.speedup_ratio),
+            measured_spread_ratio: result.measured.map(|m| m.spread_ratio),
+            outcome: result.outcome.to_string(),
+            as_bytes: result.as_bytes,
+            position_error_ratio: Some(result.position_error_ratio),
+            seconds: result.seconds,
+            brief: result.brief,
+        }
+    }
+}
+
 impl MethodReport {
     /// Completes the entry of the candidate that was written, of which more is known now. A method that was asked for
     /// has none before: it is not costed until it is written.
@@ -308,7 +318,7 @@ impl Candidate {
             measured_mrays_per_s: None,
             measured_speedup_ratio: None,
             measured_spread_ratio: None,
-            outcome: "asked for".to_owned(),
+            outcome: Why::AskedFor.to_string(),
             as_bytes: metrics.as_bytes(),
             position_error_ratio: None,
             seconds,
@@ -380,7 +390,7 @@ mod tests {
     #[test]
     fn speeds_that_no_device_built_for_are_those_of_the_cpu() {
         let speed = Speed::of(&verification(), &Weights::default(), MachineKind::Gpu);
-        assert_eq!((speed.measured_on, speed.speedup_ratio), ("cpu", 1.0));
+        assert_eq!((speed.measured_on, speed.speedup_ratio), (MachineKind::Cpu, 1.0));
         assert!(!speed.is_faster() && !speed.is_slower());
     }
 }

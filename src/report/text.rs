@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
 use super::{Severity, Speed, VerifyReport, candidates, verdict};
+use crate::choose::PassId;
 use crate::cost::Metrics;
 use crate::layout::BlasPer;
 use crate::verify::Verification;
@@ -43,7 +44,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
 /// What was chosen, by whom, and whether copies are shared.
 fn method(report: &BakeReport) -> String {
     let MethodReport { chosen, chosen_candidate: id, reason, decided_by, .. } = &report.method;
-    let copies = report.passes.iter().find(|pass| pass.name == "find copies" && pass.applied);
+    let copies = report.passes.iter().find(|pass| pass.id == PassId::FindCopies && pass.applied);
     let and_copies = if copies.is_some() { ", with copies shared" } else { "" };
     let how = match decided_by {
         DecidedBy::Request => format!("method {chosen}{and_copies}"),
@@ -174,7 +175,7 @@ fn list(kind: &str, messages: &[String], all: bool) -> String {
 fn passes(report: &BakeReport) -> String {
     let line = |p: &super::Pass| {
         let done = if p.applied { "applied" } else { "left out" };
-        format!("pass {}: {done}: {} ({:.3} s)\n", p.name, p.reason, p.seconds)
+        format!("pass {}: {done}: {} ({:.3} s)\n", p.id.name(), p.reason, p.seconds)
     };
     report.passes.iter().map(line).collect()
 }

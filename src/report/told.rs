@@ -42,7 +42,7 @@ pub struct Told {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Speed {
     /// What it was measured on: `gpu`, `software driver` or `cpu`. Only the first tells of the devices of users.
-    pub measured_on: &'static str,
+    pub measured_on: MachineKind,
     /// Million rays a second through the input; 0 without rays.
     pub before_mrays_per_s: f64,
     /// The same through the output.
@@ -60,7 +60,7 @@ impl Speed {
         let kind = if verification.structures.is_none() { MachineKind::Cpu } else { kind };
         let Overall { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio } =
             weights.overall(&verification.kinds);
-        Speed { measured_on: kind.name(), before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio }
+        Speed { measured_on: kind, before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio }
     }
 
     /// Whether the output is faster than the input, by more than what may be off.

@@ -1,9 +1,10 @@
 //! What came of a bake, in words.
 
 use super::{DecidedBy, MethodReport, Speed};
+use crate::choose::model::Class;
 use crate::methods::{Method, PlanId};
-use crate::verify::Verification;
 use crate::verify::verdict::Verdict;
+use crate::verify::{MachineKind, Verification};
 
 /// What the verdict says and what it rests on: what was measured, on what, and, where that decided, what was predicted for a
 /// class of devices.
@@ -12,7 +13,7 @@ pub fn words(
     overall: &Speed,
     verification: &Verification,
     method: &MethodReport,
-    class: &str,
+    class: Class,
 ) -> String {
     match verdict {
         Verdict::Failed => format!("no file was written: {verification}"),
@@ -28,8 +29,8 @@ pub fn words(
 pub(super) fn measured(overall: &Speed, device: &str) -> String {
     let Speed { speedup_ratio: ratio, spread_ratio: spread, .. } = *overall;
     let on = match overall.measured_on {
-        "cpu" => "the CPU tracer",
-        _ => device,
+        MachineKind::Cpu => "the CPU tracer",
+        MachineKind::SoftwareDriver | MachineKind::Gpu => device,
     };
     if spread.is_infinite() {
         return format!("{ratio:.2} times the input's speed on {on}, by too few repeats to tell anything");
@@ -47,22 +48,23 @@ pub(super) fn measured(overall: &Speed, device: &str) -> String {
 /// What speeds that were not measured on a GPU are worth.
 fn caution(overall: &Speed) -> Option<String> {
     let what = match overall.measured_on {
-        "cpu" => "CPU speeds tell",
-        "software driver" => "speeds of a software driver tell",
-        _ => return None,
+        MachineKind::Cpu => "CPU speeds tell",
+        MachineKind::SoftwareDriver => "speeds of a software driver tell",
+        MachineKind::Gpu => return None,
     };
     Some(format!("{what} nothing of a device"))
 }
 
 /// What was predicted, where nothing else decided.
-fn predicted(method: &MethodReport, class: &str) -> Option<String> {
+fn predicted(method: &MethodReport, class: Class) -> Option<String> {
     let cost = |id: PlanId| method.candidates.iter().find(|c| c.id == id)?.sampled_cost;
     let chosen = method.chosen_candidate;
     let (before, after) = (cost(Method::Keep.into())?, cost(chosen)?);
     (method.decided_by == DecidedBy::Prediction && !chosen.is_input() && after > 0.0).then(|| {
         format!(
-            "chosen by prediction alone: {:.2} times the input's speed on a device of class {class}",
-            before / after
+            "chosen by prediction alone: {:.2} times the input's speed on a device of class {}",
+            before / after,
+            class.name()
         )
     })
 }
@@ -73,7 +75,7 @@ mod tests {
     use super::super::tests::{method, verification};
     use super::*;
 
-    fn speed(measured_on: &'static str, speedup_ratio: f64, spread_ratio: f64) -> Speed {
+    fn speed(measured_on: MachineKind, speedup_ratio: f64, spread_ratio: f64) -> Speed {
         Speed {
             measured_on,
             before_mrays_per_s: 10.0,
@@ -84,12 +86,12 @@ mod tests {
     }
 
     fn said(verdict: Verdict, overall: Speed, decided_by: DecidedBy) -> String {
-        words(verdict, &overall, &verification(), &method(decided_by), "no-rt-cores")
+        words(verdict, &overall, &verification(), &method(decided_by), Class::NoRtCores)
     }
 
     #[test]
     fn slower_on_the_cpu_is_said_with_what_that_tells_and_what_was_predicted() {
-        let text = said(Verdict::NotFaster, speed("cpu", 0.75, 0.04), DecidedBy::Prediction);
+        let text = said(Verdict::NotFaster, speed(MachineKind::Cpu, 0.75, 0.04), DecidedBy::Prediction);
         for words in
             ["SLOWER on the CPU tracer", "0.75 +- 0.04", "tell nothing of a device", "by prediction alone: 2.00 times"]
         {
@@ -99,7 +101,7 @@ mod tests {
 
     #[test]
     fn what_was_measured_on_a_gpu_needs_no_caution() {
-        let text = said(Verdict::Faster, speed("gpu", 1.25, 0.01), DecidedBy::Measurement);
+        let text = said(Verdict::Faster, speed(MachineKind::Gpu, 1.25, 0.01), DecidedBy::Measurement);
         assert_eq!(
             text,
             "measured faster on a device: 1.25 +- 0.01 times the input's speed, all kinds of rays as weighted"
@@ -108,15 +110,15 @@ mod tests {
 
     #[test]
     fn a_difference_within_the_spread_is_none() {
-        let text = said(Verdict::NotFaster, speed("cpu", 0.97, 0.04), DecidedBy::Request);
+        let text = said(Verdict::NotFaster, speed(MachineKind::Cpu, 0.97, 0.04), DecidedBy::Request);
         assert!(text.starts_with("no difference beyond the spread on the CPU tracer") && !text.contains("prediction"));
-        let text = said(Verdict::NotFaster, speed("cpu", 0.5, f64::INFINITY), DecidedBy::Request);
+        let text = said(Verdict::NotFaster, speed(MachineKind::Cpu, 0.5, f64::INFINITY), DecidedBy::Request);
         assert!(text.contains("too few repeats"), "{text}");
     }
 
     #[test]
     fn what_is_left_alone_claims_no_speed() {
-        let text = said(Verdict::LeftAlone, speed("cpu", 1.5, 0.0), DecidedBy::Prediction);
+        let text = said(Verdict::LeftAlone, speed(MachineKind::Cpu, 1.5, 0.0), DecidedBy::Prediction);
         assert_eq!(text, "the output is the input as it is");
     }
 
@@ -124,6 +126,6 @@ mod tests {
     fn nothing_is_predicted_without_a_price() {
         let mut unpriced = method(DecidedBy::Prediction);
         unpriced.candidates.iter_mut().for_each(|c: &mut Candidate| c.sampled_cost = Some(0.0));
-        assert_eq!(predicted(&unpriced, "no-rt-cores"), None);
+        assert_eq!(predicted(&unpriced, Class::NoRtCores), None);
     }
 }

@@ -7,6 +7,8 @@ use super::{
     verify_with,
     vulkan::{Device, DeviceInfo, Error, Options, Pipelines, Vulkan, VulkanTracer, Wanted},
 };
+use serde::Serialize;
+
 use super::{Verification, VerifyOptions, verify_on_cpu};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
@@ -43,13 +45,16 @@ impl From<&str> for DeviceChoice {
 pub struct DeviceError(String);
 
 /// What kind of thing a [`Machine`] is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum MachineKind {
     /// A Vulkan device of its own.
     Gpu,
     /// A Vulkan driver that computes on the CPU.
+    #[serde(rename = "software driver")]
     SoftwareDriver,
     /// The tracer of this program.
+    #[default]
     Cpu,
 }
 

@@ -37,6 +37,7 @@ pub use device::{DeviceChoice, DeviceError, Machine, MachineKind};
 use identity::Identity;
 pub use per_kind::PerKind;
 pub use race::{Care, Lap, race_on_cpu};
+use serde::Serialize;
 use surface::Surfaces;
 pub use tracing::{Pace, Tracer, Tracers};
 pub use verdict::Verification;
@@ -89,7 +90,8 @@ impl Default for VerifyOptions {
 }
 
 /// By what triangles of the output are matched with those of the input.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Matching {
     /// By what the output says about where each comes from; all of them are compared, exactly.
     #[default]

@@ -7,7 +7,7 @@ use raykiln_formats::Document;
 
 use super::BakeOptions;
 use super::turned::{self, Class};
-use crate::choose::Choice;
+use crate::choose::{Choice, PassId};
 use crate::commands::measure::measure_with;
 use crate::copies::{self, CopiedMesh, Copies, Likeness};
 use crate::cost::Metrics;
@@ -75,7 +75,7 @@ pub(super) fn share(
         }
         _ => apply(doc, scene, trees, before, &found, options),
     };
-    (metrics, Some(Pass { name: "find copies", applied, reason, seconds: start.elapsed().as_secs_f64() }))
+    (metrics, Some(Pass { id: PassId::FindCopies, applied, reason, seconds: start.elapsed().as_secs_f64() }))
 }
 
 /// Whether a layout places a mesh that stands in for a copy, or pieces of one, rather than write it out.
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn sharing_that_is_written_out_again_is_not_applied() {
-        let pass = |applied| Pass { name: "find copies", applied, reason: "found".to_owned(), seconds: 0.0 };
+        let pass = |applied| Pass { id: PassId::FindCopies, applied, reason: "found".to_owned(), seconds: 0.0 };
         let written = |applied, unchanged, placed| as_written(pass(applied), unchanged, placed).applied;
         assert_eq!([written(true, false, true), written(true, false, false)], [true, false]);
         assert_eq!([written(true, true, true), written(false, false, true)], [false, false]);

@@ -13,13 +13,13 @@ pub use copies::FindCopies;
 use raykiln_formats::document::{self, Staged};
 use raykiln_formats::{Document, Warning};
 
-use crate::choose::{self, Choice, ChooseOptions, Chosen};
+use crate::choose::{self, Choice, ChooseOptions, Chosen, PassId};
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::commands::source::Source;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
-use crate::report::{self, BakeReport, Input, Pass, Seconds, Speed, Told};
+use crate::report::{self, BakeReport, Input, MethodReport, Pass, Seconds, Speed, Told};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
 use crate::verify::{DeviceError, Machine, Verification, VerifyOptions};
@@ -142,14 +142,15 @@ pub fn bake(
     let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
     let copies = copies.map(|pass| copies::as_written(pass, written.unchanged, copies_are_placed));
     let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
-    let method = chosen.report.with_written(&after, verification.position_error_ratio, seconds);
+    let method = MethodReport::from(chosen.selection).with_written(&after, verification.position_error_ratio, seconds);
+    let about_choice = chosen.notes.iter().map(ToString::to_string).collect();
     let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(doc.path.clone(), &scene),
         output: output.to_owned(),
-        verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class.name()),
+        verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class),
         options: options.told(),
         blas_per,
         before,
@@ -157,8 +158,8 @@ pub fn bake(
         verdict,
         method,
         after,
-        passes: copies.into_iter().chain(chosen.passes).chain(written.passes).collect(),
-        notes: [chosen.layout.notes, written.notes, verification.notes.clone(), profiles].concat(),
+        passes: copies.into_iter().chain(chosen.passes.into_iter().map(Pass::from)).chain(written.passes).collect(),
+        notes: [chosen.layout.notes, about_choice, written.notes, verification.notes.clone(), profiles].concat(),
         verify: verification,
         seconds: Seconds::default(),
         peak_memory_bytes: None,
@@ -269,13 +270,13 @@ fn write(
     let emitted = (regrouped || options.prune || as_copies).then(|| emit::emit(doc, scene, layout, options));
     let (pruned, copied) = emitted.as_ref().map_or((0, Copied::default()), |e| (e.pruned_nodes, e.copied));
     let mut passes = Vec::new();
-    let mut pass = |name: &'static str, applied: bool, reason: String| {
-        passes.push(Pass { name, applied, reason, seconds: start.elapsed().as_secs_f64() });
+    let mut pass = |id: PassId, applied: bool, reason: String| {
+        passes.push(Pass { id, applied, reason, seconds: start.elapsed().as_secs_f64() });
     };
     let mut notes = Vec::new();
     if as_copies {
         notes.push(words_of_copies(&copied));
-        pass("instancing extension", copied.nodes > 0, words_of_copies(&copied));
+        pass(PassId::InstancingExtension, copied.nodes > 0, words_of_copies(&copied));
     }
     if options.prune {
         let reason = match pruned {
@@ -283,7 +284,7 @@ fn write(
             1 => "1 node showed nothing and nothing referred to it".to_owned(),
             n => format!("{} showed nothing and nothing referred to them", counted(n, "node")),
         };
-        pass("prune", pruned > 0, reason);
+        pass(PassId::Prune, pruned > 0, reason);
     }
     let copied_if_asked = as_copies.then_some(copied);
     match emitted.filter(|_| regrouped || pruned > 0 || copied.nodes > 0) {

@@ -1,0 +1,96 @@
+//! What was done and what was left out, with the reasons in words.
+
+use serde::{Serialize, Serializer};
+
+use crate::choose::{self, But, NotTimed, PassId, Reason};
+use crate::words::counted;
+
+/// A step that was taken or left out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Pass {
+    /// What it is; its name in JSON.
+    #[serde(rename = "name", serialize_with = "by_name")]
+    pub id: PassId,
+    /// Whether it changed anything.
+    pub applied: bool,
+    /// Why, in words.
+    pub reason: String,
+    /// Time it took.
+    pub seconds: f64,
+}
+
+fn by_name<S: Serializer>(id: &PassId, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(id.name())
+}
+
+impl From<choose::Pass> for Pass {
+    fn from(pass: choose::Pass) -> Pass {
+        let choose::Pass { id, applied, reason, buts, seconds } = pass;
+        let reason = buts.iter().fold(words_of(id, &reason), |reason, but| reason + &words_of_but(but));
+        Pass { id, applied, reason, seconds }
+    }
+}
+
+fn words_of(id: PassId, reason: &Reason) -> String {
+    let words = match reason {
+        Reason::FewFreeInstances => "fewer than two instances may be restructured",
+        Reason::NoOverlap => "no two instance boxes overlap",
+        Reason::Overlap => "instance boxes overlap",
+        Reason::NoSharedMesh => "no mesh is placed twice by instances that may be restructured",
+        Reason::SharedOverlap => "instances of shared meshes overlap others",
+        Reason::Loose(looseness) => {
+            return format!("the boxes of triangles are {looseness:.2} times as large as they need be");
+        }
+        Reason::AlongAxes => "all triangles lie along the axes",
+        Reason::SomeApart => "some objects enclose the rest or lie far outside",
+        Reason::NoneApart => "no object encloses the scene and none lies far outside",
+        Reason::OpacitiesMeet => "some triangles are opaque and some are not",
+        Reason::AllOpaque => "all materials are opaque",
+        Reason::OpacitiesDoNotMeet => "opaque triangles and others that may be regrouped do not meet",
+        Reason::Forbidden => return format!("{} forbids it", option_against(id)),
+        Reason::Timed(1) => "1 candidate was timed in turns with the input",
+        Reason::Timed(n) => return format!("{} were timed in turns with the input", counted(*n, "candidate")),
+        Reason::NotTimed(why) => return words_of_not_timed(why),
+        Reason::Ordered => "rewritten groups are put in tree order",
+        Reason::NothingToOrder => "no group is rewritten",
+        Reason::Regrouped => "the layout differs from the input's",
+        Reason::NotRegrouped => "the layout is the input's",
+        Reason::Centred(0) => "rounding stays within the limit where the groups are stored",
+        Reason::Centred(1) => "1 group is stored around its centre so that rounding stays within the limit",
+        Reason::Centred(n) => {
+            let groups = counted(*n, "group");
+            return format!("{groups} are stored around their centres so that rounding stays within the limit");
+        }
+        Reason::InputLeftAlone => "the input is left alone",
+    };
+    words.to_owned()
+}
+
+/// The option that forbids a pass.
+fn option_against(id: PassId) -> &'static str {
+    match id {
+        PassId::ChooseInstances => "--instances bake-or-keep",
+        PassId::Frames => "--frames false",
+        PassId::Isolate => "--isolate false",
+        PassId::SplitOpacity => "--split-opacity false",
+        other => other.name(),
+    }
+}
+
+fn words_of_not_timed(why: &NotTimed) -> String {
+    match why {
+        NotTimed::NothingDiffers => "no candidate differs from the input".to_owned(),
+        NotTimed::NoDevice => "no device traces rays: the model decides".to_owned(),
+        NotTimed::NoneTaken => "the device could take no candidate: the model decides".to_owned(),
+        NotTimed::Failed(why) => why.clone(),
+    }
+}
+
+fn words_of_but(but: &But) -> String {
+    match but {
+        But::NotTried => ", but no candidate of this effort or within these bounds tries it".to_owned(),
+        But::ChosenWithout => "; tried, but what was chosen does without".to_owned(),
+        But::ChosenWith(plan) => format!(", but `{plan}` does it"),
+    }
+}
