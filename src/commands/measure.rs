@@ -5,6 +5,7 @@ use crate::cost::{self, Metrics};
 use crate::layout::{self, BlasPer};
 use crate::methods::{self, Method};
 use crate::scene::Scene;
+use crate::verify::Sides;
 
 /// The metrics of a scene as it stands, with one BLAS a mesh.
 pub(super) fn measure_as_is(scene: &Scene) -> Metrics {
@@ -23,18 +24,18 @@ pub(crate) fn measure_with(scene: &Scene, trees: &MeshTrees, per: BlasPer) -> Me
 }
 
 /// Where metrics are those of one BLAS a primitive, what the two scenes would cost with one a mesh.
-pub(crate) fn per_primitive_note(per: BlasPer, scenes: [&Scene; 2], metrics: [&Metrics; 2]) -> Vec<String> {
+pub(crate) fn per_primitive_note(per: BlasPer, scenes: Sides<&Scene>, metrics: Sides<&Metrics>) -> Vec<String> {
     if per == BlasPer::Mesh {
         return Vec::new();
     }
     let of_meshes = scenes.map(measure_as_is);
-    let costs = |m: [&Metrics; 2]| {
-        let [before, after] = m.map(|m| format!("{:.2} in {} BLASes", m.two_level_cost, m.mesh_groups));
+    let costs = |m: Sides<&Metrics>| {
+        let Sides { before, after } = m.map(|m| format!("{:.2} in {} BLASes", m.two_level_cost, m.mesh_groups));
         format!("{before} before, {after} after")
     };
     vec![format!(
         "built as one BLAS a primitive, the two-level cost is {}; as one BLAS a mesh, {}",
         costs(metrics),
-        costs([&of_meshes[0], &of_meshes[1]])
+        costs(of_meshes.as_ref())
     )]
 }

@@ -10,7 +10,7 @@ use crate::report::{self, Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::identity::Identity;
 use crate::verify::verdict;
-use crate::verify::{Machine, Matching, Verification, VerifyOptions};
+use crate::verify::{Machine, Matching, Sides, Verification, VerifyOptions};
 
 /// How to match the triangles of two files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,12 +36,13 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
     let options = VerifyOptions { matching, ..options.clone() };
     let trees_before = MeshTrees::build(&scene_before);
     let trees_after = trees_before.build_for(&scene_before, &scene_after, &[]);
-    let scenes = [&scene_before, &scene_after];
-    let verification = machine.verify_with(scenes, [&trees_before, &trees_after], &options)?;
+    let scenes = Sides { before: &scene_before, after: &scene_after };
+    let trees = Sides { before: &trees_before, after: &trees_after };
+    let verification = machine.verify_with(scenes, trees, &options)?;
     let blas_per = options.build.blas_per;
     let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
     let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
-    let profiles = per_primitive_note(blas_per, scenes, [&metrics_before, &metrics_after]);
+    let profiles = per_primitive_note(blas_per, scenes, Sides { before: &metrics_before, after: &metrics_after });
     let about_matching = note(by, matching, &scene_after, &verification);
     let notes = verification.notes.iter().cloned().chain(about_matching).chain(profiles).collect();
     Ok(VerifyReport {

@@ -7,10 +7,9 @@ use super::{Severity, Speed, VerifyReport, candidates, verdict};
 use crate::choose::PassId;
 use crate::cost::Metrics;
 use crate::layout::BlasPer;
-use crate::verify::Verification;
-use crate::verify::build::Pair;
 use crate::verify::speed::KindSpeed;
 use crate::verify::verdict::Verdict;
+use crate::verify::{Sides, Verification};
 use crate::words::{bytes, counted, grouped};
 
 /// Warnings and notes that are shown without `-v`.
@@ -29,7 +28,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
     if verbose {
         text += &passes(report);
     }
-    let metrics = [&report.before, &report.after];
+    let metrics = Sides { before: &report.before, after: &report.after };
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
     text += &seconds(report);
     let verdict = match report.verdict {
@@ -57,7 +56,7 @@ fn method(report: &BakeReport) -> String {
 }
 
 /// The metrics of both layouts, and what tracing them showed.
-fn before_and_after(per: BlasPer, metrics: [&Metrics; 2], verification: &Verification, overall: &Speed) -> String {
+fn before_and_after(per: BlasPer, metrics: Sides<&Metrics>, verification: &Verification, overall: &Speed) -> String {
     let heading = match per {
         BlasPer::Mesh => "",
         BlasPer::Primitive => "built as one BLAS a primitive",
@@ -78,7 +77,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     if report.verify.structure.is_none() {
         text += "only surfaces are compared: triangles are not matched\n";
     }
-    let metrics = [&report.before, &report.after];
+    let metrics = Sides { before: &report.before, after: &report.after };
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
     let shown = match report.verdict {
         Verdict::Failed => "failed: the files do not show the same".to_owned(),
@@ -180,12 +179,9 @@ fn passes(report: &BakeReport) -> String {
     report.passes.iter().map(line).collect()
 }
 
-fn comparison([before, after]: [&Metrics; 2]) -> Vec<Vec<String>> {
-    metric_rows(before)
-        .into_iter()
-        .zip(metric_rows(after))
-        .map(|((name, before), (_, after))| vec![name.into(), before, after])
-        .collect()
+fn comparison(metrics: Sides<&Metrics>) -> Vec<Vec<String>> {
+    let Sides { before, after } = metrics.map(metric_rows);
+    before.into_iter().zip(after).map(|((name, before), (_, after))| vec![name.into(), before, after]).collect()
 }
 
 fn metric_rows(m: &Metrics) -> [(&'static str, String); 10] {
@@ -230,12 +226,12 @@ fn rays(verify: &Verification, overall: &Speed) -> String {
 /// What the device built; nothing on the CPU.
 fn structures(verify: &Verification) -> String {
     let Some(s) = &verify.structures else { return String::new() };
-    let row = |name: &str, [before, after]: [String; 2]| vec![name.to_owned(), before, after];
-    let of_bytes = |pair: Pair<u64>| [bytes(pair.before), bytes(pair.after)];
-    let ms = |pair: Pair<f64>| [format!("{:.2} ms", pair.before), format!("{:.2} ms", pair.after)];
-    let count = |pair: Pair<u64>| [grouped(pair.before), grouped(pair.after)];
+    let row = |name: &str, of: Sides<String>| vec![name.to_owned(), of.before, of.after];
+    let of_bytes = |of: Sides<u64>| of.map(bytes);
+    let ms = |of: Sides<f64>| of.map(|ms| format!("{ms:.2} ms"));
+    let count = |of: Sides<u64>| of.map(grouped);
     let mut rows = vec![row("BLASes", count(s.blases)), row("BLAS bytes as built", of_bytes(s.blas_bytes))];
-    rows.extend(s.blas_bytes_compacted.map(|pair| row("BLAS bytes compacted", of_bytes(pair))));
+    rows.extend(s.blas_bytes_compacted.map(|both| row("BLAS bytes compacted", of_bytes(both))));
     rows.extend([
         row("TLAS instances", count(s.tlas_instances)),
         row("TLAS bytes", of_bytes(s.tlas_bytes)),

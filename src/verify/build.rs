@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::Sides;
 use crate::layout::BlasPer;
 
 /// What to build, and how.
@@ -57,52 +58,43 @@ pub struct Built {
     pub any_hit_invocations: u64,
 }
 
-/// The same of the input and of the output.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Pair<T> {
-    /// Of the input.
-    pub before: T,
-    /// Of the output.
-    pub after: T,
-}
-
 /// What was built of both files; as in [`Built`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Structures {
     /// BLASes.
-    pub blases: Pair<u64>,
+    pub blases: Sides<u64>,
     /// Instances in the TLAS.
-    pub tlas_instances: Pair<u64>,
+    pub tlas_instances: Sides<u64>,
     /// Bytes of all BLASes as built.
-    pub blas_bytes: Pair<u64>,
+    pub blas_bytes: Sides<u64>,
     /// The same after compaction.
-    pub blas_bytes_compacted: Option<Pair<u64>>,
+    pub blas_bytes_compacted: Option<Sides<u64>>,
     /// Bytes of the TLAS.
-    pub tlas_bytes: Pair<u64>,
+    pub tlas_bytes: Sides<u64>,
     /// Milliseconds to build all BLASes.
-    pub blas_build_ms: Pair<f64>,
+    pub blas_build_ms: Sides<f64>,
     /// Milliseconds to build the TLAS.
-    pub tlas_build_ms: Pair<f64>,
+    pub tlas_build_ms: Sides<f64>,
     /// Triangles of alpha-tested and blended materials met.
-    pub any_hit_invocations: Pair<u64>,
+    pub any_hit_invocations: Sides<u64>,
 }
 
 impl Structures {
     /// Of what was built of the input and of the output.
-    pub fn of(built: [Built; 2]) -> Structures {
-        fn pair<T>(built: &[Built; 2], of: impl Fn(&Built) -> T) -> Pair<T> {
-            Pair { before: of(&built[0]), after: of(&built[1]) }
+    pub fn of(built: &Sides<Built>) -> Structures {
+        fn of<T>(built: &Sides<Built>, of: impl Fn(&Built) -> T) -> Sides<T> {
+            built.as_ref().map(of)
         }
-        let compacted = built[0].blas_bytes_compacted.zip(built[1].blas_bytes_compacted);
+        let compacted = built.before.blas_bytes_compacted.zip(built.after.blas_bytes_compacted);
         Structures {
-            blases: pair(&built, |b| b.blases),
-            tlas_instances: pair(&built, |b| b.tlas_instances),
-            blas_bytes: pair(&built, |b| b.blas_bytes),
-            blas_bytes_compacted: compacted.map(|(before, after)| Pair { before, after }),
-            tlas_bytes: pair(&built, |b| b.tlas_bytes),
-            blas_build_ms: pair(&built, |b| b.blas_build_ms),
-            tlas_build_ms: pair(&built, |b| b.tlas_build_ms),
-            any_hit_invocations: pair(&built, |b| b.any_hit_invocations),
+            blases: of(built, |b| b.blases),
+            tlas_instances: of(built, |b| b.tlas_instances),
+            blas_bytes: of(built, |b| b.blas_bytes),
+            blas_bytes_compacted: compacted.map(|(before, after)| Sides { before, after }),
+            tlas_bytes: of(built, |b| b.tlas_bytes),
+            blas_build_ms: of(built, |b| b.blas_build_ms),
+            tlas_build_ms: of(built, |b| b.tlas_build_ms),
+            any_hit_invocations: of(built, |b| b.any_hit_invocations),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::approach::Approach;
 use super::cpu::{Reference, TrueHit};
@@ -10,7 +11,7 @@ use super::random::Random;
 use super::rays::{Ray, RayKind};
 use super::rounding::{Magnitude, SINGLE, SMALLEST};
 use super::structure::{Structure, reference_length};
-use super::{Hit, VerifyOptions};
+use super::{Hit, Sides, VerifyOptions};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
 /// Roundings that may add up on the way from a ray to a hit.
@@ -24,6 +25,30 @@ pub(super) const EXAMPLES: usize = 4;
 /// Stream of random numbers for samples, beside those of the rays.
 const SAMPLE_STREAM: u64 = 100;
 
+/// The largest errors of the classes of a [`Histogram`]; the last class has none.
+const UP_TO: [f64; 10] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+
+/// Classes of a [`Histogram`].
+const CLASSES: usize = UP_TO.len() + 1;
+
+/// How relative distance errors are distributed, by decades.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Histogram {
+    /// The largest error of each class; none for the last one.
+    pub up_to: Vec<Option<f64>>,
+    /// How many hits are in each class.
+    #[serde(flatten)]
+    pub hits: Sides<[u64; CLASSES]>,
+}
+
+impl Histogram {
+    /// Of the hits that a comparison measured.
+    pub(super) fn of(tally: &Tally) -> Histogram {
+        let hits = Sides { before: tally.before.by_decade, after: tally.after.by_decade };
+        Histogram { up_to: UP_TO.into_iter().map(Some).chain([None]).collect(), hits }
+    }
+}
+
 /// Distance errors against the truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
@@ -32,6 +57,8 @@ pub struct Errors {
     /// Largest relative error.
     pub max: f64,
     sum_of_squares: f64,
+    /// How many are in each class of [`Histogram`].
+    pub(super) by_decade: [u64; CLASSES],
 }
 
 impl Errors {
@@ -41,13 +68,17 @@ impl Errors {
     }
 
     pub(super) fn record(&mut self, error: f64) {
-        self.add(Errors { count: 1, max: error, sum_of_squares: error * error });
+        self.count += 1;
+        self.max = self.max.max(error);
+        self.sum_of_squares += error * error;
+        self.by_decade[UP_TO.iter().position(|most| error <= *most).unwrap_or(UP_TO.len())] += 1;
     }
 
     fn add(&mut self, other: Errors) {
         self.count += other.count;
         self.max = self.max.max(other.max);
         self.sum_of_squares += other.sum_of_squares;
+        self.by_decade.iter_mut().zip(other.by_decade).for_each(|(all, more)| *all += more);
     }
 }
 
@@ -78,9 +109,9 @@ pub struct Tally {
 
 impl Tally {
     /// Enters what a ray says of the input and of the output, judged; `agreed` tells whether both say the same.
-    pub(super) fn count(&mut self, judged: [Judgement; 2], agreed: bool) {
+    pub(super) fn count(&mut self, judged: Sides<Judgement>, agreed: bool) {
         use Judgement::{Right, Silhouette, Tie, Wrong};
-        match judged.into() {
+        match (judged.before, judged.after) {
             (Wrong(_), Wrong(_)) if agreed => self.tracer_faults += 1,
             (_, Wrong(_)) => self.mismatches += 1,
             (Wrong(_), _) => self.tracer_faults += 1,
@@ -108,7 +139,7 @@ impl Tally {
 }
 
 /// One of the two scenes, as its tracer sees it.
-pub(super) struct Side<'a> {
+pub(super) struct View<'a> {
     pub(super) scene: &'a Scene,
     /// Leads to the triangles of the input; `None` for the input itself.
     identity: Option<&'a Identity<'a>>,
@@ -119,8 +150,8 @@ pub(super) struct Side<'a> {
 
 /// Two scenes and the truth about the first.
 pub struct Comparison<'a> {
-    before: Side<'a>,
-    after: Side<'a>,
+    before: View<'a>,
+    after: View<'a>,
     identity: &'a Identity<'a>,
     reference: &'a Reference<'a>,
     structure_is_clean: bool,
@@ -169,8 +200,8 @@ impl<'a> Comparison<'a> {
         let allowed = options.max_position_error_ratio * reference_length(before);
         let position_error = structure.max_position_error.min(allowed);
         Comparison {
-            before: Side::new(before, None, 0.0),
-            after: Side::new(after, Some(identity), position_error),
+            before: View::new(before, None, 0.0),
+            after: View::new(after, Some(identity), position_error),
             identity,
             reference,
             structure_is_clean: structure.is_clean(),
@@ -182,17 +213,18 @@ impl<'a> Comparison<'a> {
 
     /// Compares what the tracers say about rays. What they agree on and what is true of the triangle they name is
     /// right; all else, and a sample of that, is judged by the closest hit in truth.
-    pub fn compare(&self, kind: RayKind, rays: &[Ray], before: &[Option<Hit>], after: &[Option<Hit>]) -> Tally {
+    pub fn compare(&self, kind: RayKind, rays: &[Ray], hits: Sides<&[Option<Hit>]>) -> Tally {
+        let Sides { before, after } = hits;
         let mut tally =
             Tally { rays: rays.len() as u64, hits: before.iter().flatten().count() as u64, ..Tally::default() };
-        let first: Vec<(Errors, Errors, Option<Doubt>)> = (0..rays.len())
+        let first: Vec<(Sides<Option<f64>>, Option<Doubt>)> = (0..rays.len())
             .into_par_iter()
             .map(|i| self.first_look(kind, i, &rays[i], before[i].as_ref(), after[i].as_ref()))
             .collect();
         let mut doubts = Vec::new();
-        for (before, after, doubt) in first {
-            tally.before.add(before);
-            tally.after.add(after);
+        for (errors, doubt) in first {
+            errors.before.into_iter().for_each(|error| tally.before.record(error));
+            errors.after.into_iter().for_each(|error| tally.after.record(error));
             doubts.extend(doubt);
         }
         self.settle(kind, rays, &doubts, &mut tally);
@@ -207,19 +239,19 @@ impl<'a> Comparison<'a> {
         ray: &Ray,
         before: Option<&Hit>,
         after: Option<&Hit>,
-    ) -> (Errors, Errors, Option<Doubt>) {
+    ) -> (Sides<Option<f64>>, Option<Doubt>) {
         let doubt = Doubt {
             ray: index,
             before: before.map(|hit| self.claim(&self.before, ray, hit)),
             after: after.map(|hit| self.claim(&self.after, ray, hit)),
         };
-        let errors = |claim: Option<&Claim>| claim.map_or(Errors::default(), |c| self.error(c));
-        let (error_before, error_after) = (errors(doubt.before.as_ref()), errors(doubt.after.as_ref()));
+        let claims = Sides { before: &doubt.before, after: &doubt.after };
+        let errors = claims.map(|claim| claim.as_ref().and_then(|claim| self.error(claim)));
         let stream = SAMPLE_STREAM + kind as u64;
         let is_sampled = || Random::at(self.seed, stream, index).unit() < self.sample_ratio;
         let settled = doubt.is_agreement()
             && [&doubt.before, &doubt.after].into_iter().flatten().all(|c| self.fault(c).is_none());
-        (error_before, error_after, (!settled || is_sampled()).then_some(doubt))
+        (errors, (!settled || is_sampled()).then_some(doubt))
     }
 
     /// Judges rays by the truth.
@@ -248,7 +280,7 @@ impl<'a> Comparison<'a> {
 
     /// Enters one judged ray.
     fn count(&self, doubt: &Doubt, before: Judgement, after: Judgement, tally: &mut Tally) {
-        tally.count([before, after], doubt.is_agreement());
+        tally.count(Sides { before, after }, doubt.is_agreement());
         tally.far_hits += u64::from(self.is_far(doubt));
     }
 
@@ -261,7 +293,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    fn claim(&self, side: &Side, ray: &Ray, hit: &Hit) -> Claim {
+    fn claim(&self, side: &View, ray: &Ray, hit: &Hit) -> Claim {
         let at = TriangleRef { instance: hit.instance, triangle: hit.triangle };
         let source = side.source(at);
         let length = ray.direction.as_dvec3().length();
@@ -292,7 +324,7 @@ impl<'a> Comparison<'a> {
     /// Judges a claim by the closest hit in truth; `place` is where the side's scene has the triangle truly hit.
     fn judge(
         &self,
-        side: &Side,
+        side: &View,
         ray: &Ray,
         claim: Option<&Claim>,
         truth: Option<&TrueHit>,
@@ -332,16 +364,11 @@ impl<'a> Comparison<'a> {
     }
 
     /// The relative distance error of a hit, if the ray really goes through the triangle it names.
-    fn error(&self, claim: &Claim) -> Errors {
-        let mut errors = Errors::default();
-        if let Some((truly, slack)) = claim.truly
-            && truly.through
-            && truly.explains(claim.distance, slack)
-        {
-            let distance = truly.distance.max(NEAR_RATIO * self.radius);
-            errors.record((claim.distance - truly.distance).abs() / distance);
-        }
-        errors
+    fn error(&self, claim: &Claim) -> Option<f64> {
+        let (truly, slack) = claim.truly?;
+        let distance = truly.distance.max(NEAR_RATIO * self.radius);
+        (truly.through && truly.explains(claim.distance, slack))
+            .then(|| (claim.distance - truly.distance).abs() / distance)
     }
 
     fn in_words(&self, kind: RayKind, doubt: &Doubt, truth: Option<&TrueHit>, why: &str) -> String {
@@ -367,10 +394,10 @@ impl Doubt {
     }
 }
 
-impl<'a> Side<'a> {
+impl<'a> View<'a> {
     /// Of a scene whose triangles are off by so many world units at most.
     pub(super) fn new(scene: &'a Scene, identity: Option<&'a Identity<'a>>, position_error: f64) -> Self {
-        Side { scene, identity, magnitudes: magnitudes(scene), position_error }
+        View { scene, identity, magnitudes: magnitudes(scene), position_error }
     }
 
     /// The triangle of the input that a triangle is.

@@ -9,7 +9,7 @@ use super::{
 };
 use serde::Serialize;
 
-use super::{Verification, VerifyOptions, verify_on_cpu};
+use super::{Sides, Verification, VerifyOptions, verify_on_cpu};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 
@@ -134,12 +134,12 @@ impl Machine {
     /// As there.
     pub fn verify_with(
         &self,
-        scenes: [&Scene; 2],
-        trees: [&MeshTrees; 2],
+        scenes: Sides<&Scene>,
+        trees: Sides<&MeshTrees>,
         options: &VerifyOptions,
     ) -> Result<Verification, DeviceError> {
         let mut notes = self.notes.clone();
-        let found = match self.device.as_ref().map(|device| verify_on(device, scenes, trees[0], options)) {
+        let found = match self.device.as_ref().map(|device| verify_on(device, scenes, trees.before, options)) {
             None => verify_on_cpu(scenes, trees, options),
             Some(Ok((found, note))) => {
                 notes.extend(note);
@@ -180,21 +180,22 @@ fn no_hardware(devices: &[DeviceInfo]) -> String {
 #[cfg(feature = "vulkan")]
 fn verify_on(
     device: &Device,
-    [before, after]: [&Scene; 2],
+    scenes: Sides<&Scene>,
     trees_before: &MeshTrees,
     options: &VerifyOptions,
 ) -> Result<(Verification, Option<String>), Error> {
+    let Sides { before, after } = scenes;
     std::thread::scope(|scope| {
         let trees = scope.spawn(|| TwoLevel::build_with(before, trees_before));
         let pipelines = Pipelines::new(device)?;
         let build = |scene| VulkanTracer::new(&pipelines, scene, options.build);
-        let both = build(before).and_then(|first| Ok([first, build(after)?]));
+        let both = build(before).and_then(|first| Ok(Sides { before: first, after: build(after)? }));
         let trees = trees.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         let reference = Reference::new(&trees);
-        let verify = |tracers: Tracers<'_, _>| verify_with(before, after, &reference, tracers, options);
-        match both.and_then(|both| verify(Tracers::Together([&both[0], &both[1]]))) {
+        let verify = |tracers: Tracers<'_, _>| verify_with(scenes, &reference, tracers, options);
+        match both.and_then(|both| verify(Tracers::Together(both.as_ref()))) {
             Err(why @ Error::OutOfMemory { .. }) => {
-                let found = verify(Tracers::OneByOne([&|| build(before), &|| build(after)]))?;
+                let found = verify(Tracers::OneByOne(Sides { before: &|| build(before), after: &|| build(after) }))?;
                 Ok((found, Some(not_in_turns(&why))))
             }
             found => Ok((found?, None)),
@@ -234,8 +235,8 @@ impl Machine {
     /// None.
     pub fn verify_with(
         &self,
-        scenes: [&Scene; 2],
-        trees: [&MeshTrees; 2],
+        scenes: Sides<&Scene>,
+        trees: Sides<&MeshTrees>,
         options: &VerifyOptions,
     ) -> Result<Verification, DeviceError> {
         Ok(Verification { notes: self.notes.clone(), ..verify_on_cpu(scenes, trees, options) })
@@ -249,7 +250,8 @@ impl Machine {
     /// # Errors
     /// A device named that fails otherwise.
     pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
-        self.verify_with([before, after], [&MeshTrees::default(); 2], options)
+        let none = &MeshTrees::default();
+        self.verify_with(Sides { before, after }, Sides { before: none, after: none }, options)
     }
 
     /// What it does otherwise than asked, in words.

@@ -3,13 +3,14 @@
 use std::collections::HashMap;
 
 use super::compare::material;
+use super::{Side, Sides};
 use crate::scene::{Material, Scene, TriangleRef};
 
 /// The materials of two scenes by what they have in common: their name, or their look.
 pub(super) struct Materials {
     by_name: bool,
     /// For each scene, the kind of each material, that of the default material last.
-    kinds: [Vec<u32>; 2],
+    kinds: Sides<Vec<u32>>,
     /// What to call each kind.
     words: Vec<String>,
 }
@@ -18,8 +19,9 @@ impl Materials {
     /// Names count where every material that shows has one, in both scenes; the default material then is one of its
     /// own, and those of the first scene that differ in their name alone are one, since tools join them. Otherwise it is what [`Material::look`], alpha mode and sides say: a tool that drops names, or writes them
     /// for some, cannot be held to them.
-    pub(super) fn of(scenes: [&Scene; 2]) -> Materials {
-        let by_name = scenes.iter().all(|scene| shown(scene).all(|m| m.name.is_some()));
+    pub(super) fn of(scenes: Sides<&Scene>) -> Materials {
+        let are_named = |scene| shown(scene).all(|m| m.name.is_some());
+        let by_name = are_named(scenes.before) && are_named(scenes.after);
         let (mut found, mut words) = (HashMap::new(), Vec::new());
         let mut kind = |key: String| {
             *found.entry(key).or_insert_with_key(|key| {
@@ -28,7 +30,7 @@ impl Materials {
             })
         };
         let default = Material::default();
-        let twins = twins(scenes[0]);
+        let twins = twins(scenes.before);
         let mut key = |material: &Material| match &material.name {
             _ if !by_name => kind(look(material)),
             None => kind("(none)".into()),
@@ -44,7 +46,7 @@ impl Materials {
     }
 
     /// The kind of material a triangle of either scene has.
-    pub(super) fn kind(&self, side: usize, scene: &Scene, at: TriangleRef) -> u32 {
+    pub(super) fn kind(&self, side: Side, scene: &Scene, at: TriangleRef) -> u32 {
         let kinds = &self.kinds[side];
         kinds[material(scene, at).map_or(kinds.len() - 1, |m| m as usize)]
     }
@@ -110,7 +112,7 @@ mod tests {
         material
     }
 
-    fn kinds(materials: &Materials, side: usize, scene: &Scene) -> Vec<u32> {
+    fn kinds(materials: &Materials, side: Side, scene: &Scene) -> Vec<u32> {
         let of = |instance| materials.kind(side, scene, TriangleRef { instance, triangle: 0 });
         (0..scene.instances.len() as u32).map(of).collect()
     }
@@ -118,10 +120,10 @@ mod tests {
     #[test]
     fn names_count_where_all_have_them() {
         let scenes = [of(vec![colored(Some("a"), 0.1), colored(Some("b"), 0.2)]), of(vec![colored(Some("b"), 0.9)])];
-        let found = Materials::of([&scenes[0], &scenes[1]]);
+        let found = Materials::of([&scenes[0], &scenes[1]].into());
         assert!(found.are_named());
-        assert_eq!(kinds(&found, 0, &scenes[0]), [0, 1, 2]);
-        assert_eq!(kinds(&found, 1, &scenes[1]), [1, 2]);
+        assert_eq!(kinds(&found, Side::Before, &scenes[0]), [0, 1, 2]);
+        assert_eq!(kinds(&found, Side::After, &scenes[1]), [1, 2]);
         assert_eq!([found.name(0), found.name(2)], ["`a`", "(none)"]);
     }
 
@@ -130,17 +132,17 @@ mod tests {
         let twin = Material { same_as: Some(1), ..colored(Some("c"), 0.2) };
         let scenes =
             [of(vec![colored(Some("a"), 0.1), colored(Some("b"), 0.2), twin]), of(vec![colored(Some("c"), 0.2)])];
-        let found = Materials::of([&scenes[0], &scenes[1]]);
-        assert_eq!(kinds(&found, 0, &scenes[0]), [0, 1, 1, 2]);
-        assert_eq!(kinds(&found, 1, &scenes[1]), [1, 2]);
+        let found = Materials::of([&scenes[0], &scenes[1]].into());
+        assert_eq!(kinds(&found, Side::Before, &scenes[0]), [0, 1, 1, 2]);
+        assert_eq!(kinds(&found, Side::After, &scenes[1]), [1, 2]);
     }
 
     #[test]
     fn looks_count_where_one_has_no_name() {
         let scenes = [of(vec![colored(Some("a"), 0.1), colored(Some("b"), 0.2)]), of(vec![colored(None, 0.2)])];
-        let found = Materials::of([&scenes[0], &scenes[1]]);
+        let found = Materials::of([&scenes[0], &scenes[1]].into());
         assert!(!found.are_named());
-        assert_eq!(kinds(&found, 1, &scenes[1]), kinds(&found, 0, &scenes[0])[1..]);
+        assert_eq!(kinds(&found, Side::After, &scenes[1]), kinds(&found, Side::Before, &scenes[0])[1..]);
         assert!(found.name(0).starts_with("of base color [0.1, 1.0, 1.0, 1.0]"), "{}", found.name(0));
     }
 
@@ -161,7 +163,7 @@ mod tests {
             material
         });
         let scene = of(changed.to_vec());
-        assert_eq!(kinds(&Materials::of([&scene, &scene]), 0, &scene), (0..8).collect::<Vec<_>>());
+        assert_eq!(kinds(&Materials::of([&scene, &scene].into()), Side::Before, &scene), (0..8).collect::<Vec<_>>());
     }
 
     #[test]
@@ -169,6 +171,6 @@ mod tests {
         let mut scene = of(vec![colored(Some("a"), 0.1), Material::default()]);
         scene.instances.remove(1);
         scene.meshes[1].geometries.iter_mut().for_each(|g| g.material = None);
-        assert!(Materials::of([&scene, &scene]).are_named());
+        assert!(Materials::of([&scene, &scene].into()).are_named());
     }
 }

@@ -16,6 +16,7 @@ mod race;
 mod random;
 pub mod rays;
 pub mod rounding;
+mod sides;
 pub mod speed;
 pub mod structure;
 mod surface;
@@ -38,6 +39,7 @@ use identity::Identity;
 pub use per_kind::PerKind;
 pub use race::{Care, Lap, race_on_cpu};
 use serde::Serialize;
+pub use sides::{Side, Sides};
 use surface::Surfaces;
 pub use tracing::{Pace, Tracer, Tracers};
 pub use verdict::Verification;
@@ -116,16 +118,18 @@ pub struct Hit {
 
 /// Verifies `after`, the file written, against `before`, the input, on the CPU.
 pub fn verify(before: &Scene, after: &Scene, options: &VerifyOptions) -> Verification {
-    verify_on_cpu([before, after], [&MeshTrees::default(); 2], options)
+    let none = &MeshTrees::default();
+    verify_on_cpu(Sides { before, after }, Sides { before: none, after: none }, options)
 }
 
 /// As [`verify`], where trees of the scenes' meshes are known.
-fn verify_on_cpu([before, after]: [&Scene; 2], trees: [&MeshTrees; 2], options: &VerifyOptions) -> Verification {
-    let (trees_before, trees_after) =
-        rayon::join(|| TwoLevel::build_with(before, trees[0]), || TwoLevel::build_with(after, trees[1]));
-    let reference = Reference::new(&trees_before);
-    let tracers = [CpuTracer::new(&trees_before), CpuTracer::new(&trees_after)];
-    let Ok(found) = verify_with(before, after, &reference, [&tracers[0], &tracers[1]], options);
+fn verify_on_cpu(scenes: Sides<&Scene>, trees: Sides<&MeshTrees>, options: &VerifyOptions) -> Verification {
+    let Sides { before, after } = scenes.zip(trees);
+    let (before, after) =
+        rayon::join(|| TwoLevel::build_with(before.0, before.1), || TwoLevel::build_with(after.0, after.1));
+    let reference = Reference::new(&before);
+    let tracers = Sides { before: CpuTracer::new(&before), after: CpuTracer::new(&after) };
+    let Ok(found) = verify_with(scenes, &reference, tracers.as_ref(), options);
     found
 }
 
@@ -134,17 +138,17 @@ fn verify_on_cpu([before, after]: [&Scene; 2], trees: [&MeshTrees; 2], options: 
 /// # Errors
 /// Those of the tracers.
 pub fn verify_with<'t, T: Tracer + 't>(
-    before: &Scene,
-    after: &Scene,
+    scenes: Sides<&Scene>,
     reference: &Reference,
     tracers: impl Into<Tracers<'t, T>>,
     options: &VerifyOptions,
 ) -> Result<Verification, T::Error> {
+    let Sides { before, after } = scenes;
     let tracers = tracers.into();
     let rays = rays::generate(before, reference, options.rays_per_kind as usize, options.seed);
     if options.matching == Matching::Surface {
-        let surfaces = Surfaces::new(before, after, reference, rays.radius, options);
-        let compare = |kind, rays: &[_], hits: [&[_]; 2]| surfaces.compare(kind, rays, hits);
+        let surfaces = Surfaces::new(scenes, reference, rays.radius, options);
+        let compare = |kind, rays: &[_], hits: Sides<&[_]>| surfaces.compare(kind, rays, hits);
         let mut seen = tracing::trace(before, &rays, tracers, options, compare)?;
         seen.notes.extend(surfaces.note());
         return Ok(verdict::judge(seen, None, options));
@@ -152,7 +156,7 @@ pub fn verify_with<'t, T: Tracer + 't>(
     let identity = Identity::new(before, after);
     let structure = structure::compare(&identity, before, after, options.max_position_error_ratio);
     let comparison = Comparison::new(&identity, reference, &structure, rays.radius, options);
-    let compare = |kind, rays: &[_], [before, after]: [&[_]; 2]| comparison.compare(kind, rays, before, after);
+    let compare = |kind, rays: &[_], hits: Sides<&[_]>| comparison.compare(kind, rays, hits);
     let seen = tracing::trace(before, &rays, tracers, options, compare)?;
     Ok(verdict::judge(seen, Some(structure), options))
 }

@@ -69,7 +69,7 @@ pub(super) fn race<T: Tracer>(
         for (kind, rays) in rays.kinds.iter() {
             if !rays.is_empty() {
                 let times = speed::times(kind, &prepared[kind], [before, &tracer], care.repeats(options.repeats))?;
-                kinds[kind] = KindSpeed::in_turns(rays.len(), times);
+                kinds[kind] = KindSpeed::in_turns(rays.len(), &times.into());
             }
         }
         Ok(Lap { kinds, built: tracer.built() })

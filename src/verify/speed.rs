@@ -9,8 +9,8 @@
 
 use serde::Serialize;
 
-use super::Tracer;
 use super::rays::RayKind;
+use super::{Sides, Tracer};
 
 /// Repeats that a timing may be asked for at most; more tell nothing new.
 pub const MOST_REPEATS: u32 = 1000;
@@ -32,24 +32,26 @@ pub struct KindSpeed {
 
 impl KindSpeed {
     /// Of `count` rays that took so many seconds through the input and, in between, through the output: see [`times`].
-    pub fn in_turns(count: usize, [before, after]: [Vec<f64>; 2]) -> KindSpeed {
+    pub fn in_turns(count: usize, seconds: &Sides<Vec<f64>>) -> KindSpeed {
+        let Sides { before, after } = seconds;
         let around = before.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
-        let ratios: Vec<f64> = around.zip(&after).map(|(around, between)| around / between).collect();
+        let ratios: Vec<f64> = around.zip(after).map(|(around, between)| around / between).collect();
         if count == 0 || ratios.is_empty() {
             return KindSpeed::default();
         }
         let speedup_ratio = median(&ratios);
-        KindSpeed { speedup_ratio, spread_ratio: off(&ratios), ..KindSpeed::medians(count, &before, &after) }
+        KindSpeed { speedup_ratio, spread_ratio: off(&ratios), ..KindSpeed::medians(count, before, after) }
     }
 
     /// As [`KindSpeed::in_turns`], timed one after the other: no turns make up for a drift between the two, so that
     /// what either median may be off adds up.
-    pub fn one_after_the_other(count: usize, [before, after]: [Vec<f64>; 2]) -> KindSpeed {
+    pub fn one_after_the_other(count: usize, seconds: &Sides<Vec<f64>>) -> KindSpeed {
+        let Sides { before, after } = seconds;
         if count == 0 || before.is_empty() || after.is_empty() {
             return KindSpeed::default();
         }
-        let medians = KindSpeed::medians(count, &before, &after);
-        let relative = off(&before) / median(&before) + off(&after) / median(&after);
+        let medians = KindSpeed::medians(count, before, after);
+        let relative = off(before) / median(before) + off(after) / median(after);
         KindSpeed { spread_ratio: medians.speedup_ratio * relative, ..medians }
     }
 
@@ -165,7 +167,7 @@ mod tests {
     }
 
     fn of(times: &[Vec<f64>; 2]) -> KindSpeed {
-        KindSpeed::in_turns(1_000_000, times.clone())
+        KindSpeed::in_turns(1_000_000, &times.clone().into())
     }
 
     /// A normal number, nearly: the sum of twelve uniform ones (Irwin and Hall).
@@ -242,19 +244,19 @@ mod tests {
 
     #[test]
     fn without_turns_the_spreads_add_up() {
-        let apart = KindSpeed::one_after_the_other(1_000_000, [vec![1.0, 1.25, 1.0], vec![0.5, 0.5, 0.5]]);
+        let apart = KindSpeed::one_after_the_other(1_000_000, &[vec![1.0, 1.25, 1.0], vec![0.5, 0.5, 0.5]].into());
         assert_eq!((apart.before_mrays_per_s, apart.after_mrays_per_s, apart.speedup_ratio), (1.0, 2.0, 2.0));
         assert_eq!(apart.spread_ratio, 2.0 * off(&[1.0, 1.25, 1.0]));
-        let both = KindSpeed::one_after_the_other(1_000_000, [vec![1.0, 1.25, 1.25], vec![1.0, 1.25, 1.25]]);
+        let both = KindSpeed::one_after_the_other(1_000_000, &[vec![1.0, 1.25, 1.25], vec![1.0, 1.25, 1.25]].into());
         assert!((both.spread_ratio - 2.0 * off(&[1.0, 1.25, 1.25]) / 1.25).abs() < 1e-12);
-        assert!(!KindSpeed::one_after_the_other(1, [vec![9.0; 2], vec![1.0; 2]]).differs());
+        assert!(!KindSpeed::one_after_the_other(1, &[vec![9.0; 2], vec![1.0; 2]].into()).differs());
     }
 
     #[test]
     fn no_rays_have_no_speed() {
-        assert_eq!(KindSpeed::in_turns(0, [vec![0.0; 2], vec![0.0]]), KindSpeed::default());
-        assert_eq!(KindSpeed::in_turns(7, [Vec::new(), vec![1.0]]), KindSpeed::default());
-        assert_eq!(KindSpeed::one_after_the_other(7, [vec![1.0], Vec::new()]), KindSpeed::default());
+        assert_eq!(KindSpeed::in_turns(0, &[vec![0.0; 2], vec![0.0]].into()), KindSpeed::default());
+        assert_eq!(KindSpeed::in_turns(7, &[Vec::new(), vec![1.0]].into()), KindSpeed::default());
+        assert_eq!(KindSpeed::one_after_the_other(7, &[vec![1.0], Vec::new()].into()), KindSpeed::default());
     }
 
     #[test]

@@ -8,18 +8,18 @@
 use rayon::prelude::*;
 
 use super::approach::Approach;
-use super::compare::{EXAMPLES, Errors, FAR_RATIO, Judgement, NEAR_RATIO, Side, Tally, at_an_end};
+use super::compare::{EXAMPLES, Errors, FAR_RATIO, Judgement, NEAR_RATIO, Tally, View, at_an_end};
 use super::cpu::{Reference, TrueHit};
 use super::materials::Materials;
 use super::rays::{Ray, RayKind};
 use super::structure::reference_length;
-use super::{Hit, VerifyOptions};
+use super::{Hit, Side, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
 /// Two scenes and the truth about the first.
 pub(super) struct Surfaces<'a> {
     /// The input and the output.
-    sides: [Side<'a>; 2],
+    sides: Sides<View<'a>>,
     materials: Materials,
     reference: &'a Reference<'a>,
     radius: f64,
@@ -51,22 +51,22 @@ struct Truth {
 /// A claim that is not plainly right.
 struct Doubt {
     ray: usize,
-    side: usize,
+    side: Side,
     claim: Option<Claim>,
 }
 
 impl<'a> Surfaces<'a> {
     /// Prepares a comparison. Any corner of `after` may be off by the largest position error allowed.
     pub(super) fn new(
-        before: &'a Scene,
-        after: &'a Scene,
+        scenes: Sides<&'a Scene>,
         reference: &'a Reference<'a>,
         radius: f64,
         options: &VerifyOptions,
     ) -> Self {
-        let allowed = options.max_position_error_ratio * reference_length(before);
-        let sides = [Side::new(before, None, 0.0), Side::new(after, None, allowed)];
-        Surfaces { sides, materials: Materials::of([before, after]), reference, radius }
+        let allowed = options.max_position_error_ratio * reference_length(scenes.before);
+        let sides =
+            Sides { before: View::new(scenes.before, None, 0.0), after: View::new(scenes.after, None, allowed) };
+        Surfaces { sides, materials: Materials::of(scenes), reference, radius }
     }
 
     /// What to know about how materials are matched.
@@ -76,14 +76,13 @@ impl<'a> Surfaces<'a> {
     }
 
     /// Compares what the tracers say about rays.
-    pub(super) fn compare(&self, kind: RayKind, rays: &[Ray], hits: [&[Option<Hit>]; 2]) -> Tally {
+    pub(super) fn compare(&self, kind: RayKind, rays: &[Ray], hits: Sides<&[Option<Hit>]>) -> Tally {
         let mut tally =
-            Tally { rays: rays.len() as u64, hits: hits[0].iter().flatten().count() as u64, ..Tally::default() };
+            Tally { rays: rays.len() as u64, hits: hits.before.iter().flatten().count() as u64, ..Tally::default() };
         let truths = self.reference.closest(rays);
-        let claims: Vec<[Option<Claim>; 2]> = (0..rays.len())
-            .into_par_iter()
-            .map(|i| [0, 1].map(|side| hits[side][i].as_ref().map(|hit| self.claim(side, &rays[i], hit))))
-            .collect();
+        let claim = |i: usize, side: Side| hits[side][i].as_ref().map(|hit| self.claim(side, &rays[i], hit));
+        let claims: Vec<Sides<Option<Claim>>> =
+            (0..rays.len()).into_par_iter().map(|i| Side::BOTH.map(|side| claim(i, side)).into()).collect();
         let truths: Vec<Option<Truth>> =
             rays.par_iter().zip(&truths).map(|(ray, t)| t.as_ref().map(|t| self.truth(ray, t))).collect();
         let mut doubts = Vec::new();
@@ -98,24 +97,24 @@ impl<'a> Surfaces<'a> {
     fn first_look(
         &self,
         ray: usize,
-        claims: &[Option<Claim>; 2],
+        claims: &Sides<Option<Claim>>,
         truth: Option<&Truth>,
         doubts: &mut Vec<Doubt>,
         tally: &mut Tally,
     ) {
-        for (side, claim) in claims.iter().enumerate() {
-            match (claim, truth) {
+        for side in Side::BOTH {
+            match (&claims[side], truth) {
                 (None, None) => {}
                 (Some(claim), Some(truth)) if truth.shows(claim) => {
-                    let errors = if side == 0 { &mut tally.before } else { &mut tally.after };
+                    let errors = if side == Side::Before { &mut tally.before } else { &mut tally.after };
                     self.record(errors, claim, truth);
                 }
-                _ => doubts.push(Doubt { ray, side, claim: *claim }),
+                (claim, _) => doubts.push(Doubt { ray, side, claim: *claim }),
             }
         }
-        tally.far_hits += u64::from(match claims {
-            [None, None] => false,
-            [Some(before), Some(after)] => (before.distance - after.distance).abs() > FAR_RATIO * self.radius,
+        tally.far_hits += u64::from(match (&claims.before, &claims.after) {
+            (None, None) => false,
+            (Some(before), Some(after)) => (before.distance - after.distance).abs() > FAR_RATIO * self.radius,
             _ => true,
         });
     }
@@ -131,7 +130,7 @@ impl<'a> Surfaces<'a> {
         &self,
         kind: RayKind,
         rays: &[Ray],
-        claims: &[[Option<Claim>; 2]],
+        claims: &[Sides<Option<Claim>>],
         truths: &[Option<Truth>],
         doubts: &[Doubt],
         tally: &mut Tally,
@@ -140,7 +139,7 @@ impl<'a> Surfaces<'a> {
         let mut at = 0;
         for of_ray in doubts.chunk_by(|a, b| a.ray == b.ray) {
             let ray = of_ray[0].ray;
-            let mut judged = [Judgement::Right; 2];
+            let mut judged = Sides { before: Judgement::Right, after: Judgement::Right };
             for doubt in of_ray {
                 judged[doubt.side] = match doubt.claim {
                     Some(claim) => judge_hit(&rays[ray], &claim, truths[ray].as_ref(), there[at]),
@@ -149,10 +148,10 @@ impl<'a> Surfaces<'a> {
                 at += 1;
             }
             tally.count(judged, agree(&claims[ray], FAR_RATIO * self.radius));
-            if let Judgement::Wrong(why) = judged[1]
+            if let Judgement::Wrong(why) = judged.after
                 && tally.examples.len() < EXAMPLES
             {
-                tally.examples.push(self.in_words(kind, ray, why, claims[ray][1].as_ref(), truths[ray].as_ref()));
+                tally.examples.push(self.in_words(kind, ray, why, claims[ray].after.as_ref(), truths[ray].as_ref()));
             }
         }
     }
@@ -173,7 +172,7 @@ impl<'a> Surfaces<'a> {
             .meet(&from, |i, hit| doubts[i].claim.as_ref().is_some_and(|claim| self.truth(&from[i], hit).shows(claim)))
     }
 
-    fn claim(&self, of: usize, ray: &Ray, hit: &Hit) -> Claim {
+    fn claim(&self, of: Side, ray: &Ray, hit: &Hit) -> Claim {
         let side = &self.sides[of];
         let at = TriangleRef { instance: hit.instance, triangle: hit.triangle };
         let own = Approach::new(ray, &side.scene.world_corners(at));
@@ -188,12 +187,12 @@ impl<'a> Surfaces<'a> {
     }
 
     fn truth(&self, ray: &Ray, hit: &TrueHit) -> Truth {
-        let side = &self.sides[0];
+        let side = &self.sides.before;
         let approach = Approach::new(ray, &side.scene.world_corners(hit.at));
         Truth {
             slack: side.slack(hit.at.instance, ray, &approach),
             distance: hit.t * ray.direction.as_dvec3().length(),
-            material: self.materials.kind(0, side.scene, hit.at),
+            material: self.materials.kind(Side::Before, side.scene, hit.at),
             approach,
         }
     }
@@ -249,10 +248,10 @@ fn judge_miss(ray: &Ray, truth: Option<&Truth>, position_error: f64) -> Judgemen
 }
 
 /// Whether both tracers say the same, distances apart by no more than `far`.
-fn agree(claims: &[Option<Claim>; 2], far: f64) -> bool {
-    match claims {
-        [None, None] => true,
-        [Some(b), Some(a)] => b.front == a.front && b.material == a.material && (b.distance - a.distance).abs() <= far,
+fn agree(claims: &Sides<Option<Claim>>, far: f64) -> bool {
+    match (&claims.before, &claims.after) {
+        (None, None) => true,
+        (Some(b), Some(a)) => b.front == a.front && b.material == a.material && (b.distance - a.distance).abs() <= far,
         _ => false,
     }
 }

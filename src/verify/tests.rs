@@ -10,7 +10,7 @@ use super::identity::Identity;
 use super::rays::{RayKind, Rays, generate};
 use super::structure::Structure;
 use super::test_scenes::{Style, cases, cube, instance, mesh, random_scene, room, scene};
-use super::{Verification, VerifyOptions, structure, verify};
+use super::{Sides, Verification, VerifyOptions, structure, verify};
 use crate::scene::{Geometry, Mesh, PlacedCamera, Scene, TriangleRef};
 
 fn options() -> VerifyOptions {
@@ -73,7 +73,9 @@ fn mismatches_seen(before: &Scene, after: &Scene) -> u64 {
     let comparison = Comparison::new(&identity, &reference, &Structure::default(), rays.radius, &options());
     let tracers = [CpuTracer::new(&trees_before), CpuTracer::new(&trees_after)];
     let compare = |(kind, rays): (RayKind, &Vec<_>)| {
-        comparison.compare(kind, rays, &tracers[0].closest(rays), &tracers[1].closest(rays)).mismatches
+        comparison
+            .compare(kind, rays, Sides { before: &tracers[0].closest(rays), after: &tracers[1].closest(rays) })
+            .mismatches
     };
     rays.kinds.iter().map(compare).sum()
 }
@@ -127,7 +129,14 @@ fn the_report_has_the_keys_others_rely_on() {
         for key in ["before_mrays_per_s", "after_mrays_per_s", "speedup_ratio", "spread_ratio"] {
             assert!(json["kinds"][kind][key].is_f64(), "{kind} {key}");
         }
+        let repeats = |side: &str| json["seconds"][kind][side].as_array().map_or(0, Vec::len);
+        assert_eq!(repeats("before"), repeats("after") + 1, "{kind}");
     }
+    let histogram = &json["distance_error_histogram"];
+    let classes = ["up_to", "before", "after"].map(|key| histogram[key].as_array().map_or(0, Vec::len));
+    assert_eq!(classes, [11; 3], "{histogram}");
+    let measured: u64 = histogram["after"].as_array().into_iter().flatten().filter_map(|n| n.as_u64()).sum();
+    assert!(measured > 0 && measured <= json["hits"].as_u64().unwrap_or(0), "{histogram}");
     assert!(json["device"].as_str().is_some_and(|d| d.starts_with("CPU")));
 }
 
@@ -381,8 +390,12 @@ fn a_solid_is_seen_from_outside_and_specks_are_aimed_at() {
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
     let after = baked(&room(), tilted());
-    let verified =
-        || Verification { kinds: Default::default(), device: String::new(), ..verify(&room(), &after, &options()) };
+    let verified = || Verification {
+        kinds: Default::default(),
+        seconds: Default::default(),
+        device: String::new(),
+        ..verify(&room(), &after, &options())
+    };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     assert_eq!(pool.install(verified), verified());
 }

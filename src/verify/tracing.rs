@@ -8,7 +8,7 @@ use super::compare::Tally;
 use super::cpu::TrueHit;
 use super::rays::{self, Ray, RayKind, Rays};
 use super::speed::{self, KindSpeed};
-use super::{PerKind, VerifyOptions};
+use super::{PerKind, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
 /// Something that traces rays through one scene.
@@ -85,29 +85,39 @@ pub(super) struct Seen {
     pub(super) device: String,
     pub(super) view: String,
     pub(super) tally: Tally,
-    pub(super) kinds: PerKind<KindSpeed>,
+    pub(super) timed: Timed,
     pub(super) structures: Option<Structures>,
     pub(super) notes: Vec<String>,
+}
+
+/// How long rays took.
+pub(super) struct Timed {
+    pub(super) kinds: PerKind<KindSpeed>,
+    /// Each time taken, in seconds.
+    pub(super) seconds: PerKind<Sides<Vec<f64>>>,
 }
 
 /// The tracers of the input and of the output.
 pub enum Tracers<'t, T: Tracer> {
     /// Both at once: timed in turns.
-    Together([&'t T; 2]),
+    Together(Sides<&'t T>),
     /// Each made when its turn comes, and gone before the other is made, where there is no room for both.
-    OneByOne([&'t dyn Fn() -> Result<T, T::Error>; 2]),
+    OneByOne(Sides<Make<'t, T>>),
 }
 
-impl<'t, T: Tracer> From<[&'t T; 2]> for Tracers<'t, T> {
-    fn from(both: [&'t T; 2]) -> Tracers<'t, T> {
+/// Makes a tracer.
+pub(super) type Make<'t, T> = &'t dyn Fn() -> Result<T, <T as Tracer>::Error>;
+
+impl<'t, T: Tracer> From<Sides<&'t T>> for Tracers<'t, T> {
+    fn from(both: Sides<&'t T>) -> Tracers<'t, T> {
         Tracers::Together(both)
     }
 }
 
 /// Compares what two tracers make of rays of a kind.
-pub(super) trait Compare: Fn(RayKind, &[Ray], [&[Option<Hit>]; 2]) -> Tally {}
+pub(super) trait Compare: Fn(RayKind, &[Ray], Sides<&[Option<Hit>]>) -> Tally {}
 
-impl<F: Fn(RayKind, &[Ray], [&[Option<Hit>]; 2]) -> Tally> Compare for F {}
+impl<F: Fn(RayKind, &[Ray], Sides<&[Option<Hit>]>) -> Tally> Compare for F {}
 
 /// Traces rays through both scenes, compares what they see, and times them.
 pub(super) fn trace<T: Tracer>(
@@ -126,45 +136,44 @@ pub(super) fn trace<T: Tracer>(
 fn together<T: Tracer>(
     before: &Scene,
     rays: &Rays,
-    tracers: [&T; 2],
+    tracers: Sides<&T>,
     options: &VerifyOptions,
     compare: impl Compare,
 ) -> Result<Seen, T::Error> {
-    let views = [View::of(tracers[0], rays)?, View::of(tracers[1], rays)?];
-    let timed = timed_rays(before, rays, tracers[0], options)?;
-    let mut kinds = PerKind::<KindSpeed>::default();
-    for (kind, rays) in timed.as_ref().unwrap_or(rays).kinds.iter() {
-        let times = times(kind, rays, tracers, options.repeats)?;
-        kinds[kind] = KindSpeed::in_turns(rays.len(), times);
-    }
-    Ok(seen(rays, views, kinds, compare))
+    let views = Sides { before: View::of(tracers.before, rays)?, after: View::of(tracers.after, rays)? };
+    let timed = timed_rays(before, rays, tracers.before, options)?;
+    let timed = timed.as_ref().unwrap_or(rays);
+    let both = [tracers.before, tracers.after];
+    let seconds = PerKind::try_of(|kind| times(kind, &timed.kinds[kind], both, options.repeats).map(Sides::from))?;
+    let kinds = PerKind::of(|kind| KindSpeed::in_turns(timed.kinds[kind].len(), &seconds[kind]));
+    Ok(seen(rays, views, Timed { kinds, seconds }, compare))
 }
 
 /// As [`together`] with one tracer at a time.
 fn one_by_one<T: Tracer>(
     before: &Scene,
     rays: &Rays,
-    make: [&dyn Fn() -> Result<T, T::Error>; 2],
+    make: Sides<Make<'_, T>>,
     options: &VerifyOptions,
     compare: impl Compare,
 ) -> Result<Seen, T::Error> {
     let all_times = |tracer: &T, rays: &Rays| {
         PerKind::try_of(|kind| times(kind, &rays.kinds[kind], [tracer], options.repeats).map(|[times]| times))
     };
-    let tracer = make[0]()?;
+    let tracer = (make.before)()?;
     let view_before = View::of(&tracer, rays)?;
     let timed = timed_rays(before, rays, &tracer, options)?;
     let timed = timed.as_ref().unwrap_or(rays);
     let mut times_before = all_times(&tracer, timed)?;
     drop(tracer);
-    let tracer = make[1]()?;
+    let tracer = (make.after)()?;
     let view_after = View::of(&tracer, rays)?;
     let mut times_after = all_times(&tracer, timed)?;
-    let kinds = PerKind::of(|kind| {
-        let [before, after] = [&mut times_before, &mut times_after].map(|times| std::mem::take(&mut times[kind]));
-        KindSpeed::one_after_the_other(timed.kinds[kind].len(), [before, after])
+    let seconds = PerKind::of(|kind| {
+        Sides { before: &mut times_before, after: &mut times_after }.map(|times| std::mem::take(&mut times[kind]))
     });
-    Ok(seen(rays, [view_before, view_after], kinds, compare))
+    let kinds = PerKind::of(|kind| KindSpeed::one_after_the_other(timed.kinds[kind].len(), &seconds[kind]));
+    Ok(seen(rays, Sides { before: view_before, after: view_after }, Timed { kinds, seconds }, compare))
 }
 
 /// What one tracer makes of the rays that are compared.
@@ -194,18 +203,18 @@ impl View {
     }
 }
 
-fn seen(rays: &Rays, views: [View; 2], kinds: PerKind<KindSpeed>, compare: impl Compare) -> Seen {
-    let [before, after] = views;
+fn seen(rays: &Rays, views: Sides<View>, timed: Timed, compare: impl Compare) -> Seen {
+    let Sides { before, after } = views;
     let mut tally = Tally::default();
     for (kind, rays) in rays.kinds.iter() {
-        tally.add(compare(kind, rays, [&before.closest[kind], &after.closest[kind]]));
+        tally.add(compare(kind, rays, Sides { before: &before.closest[kind], after: &after.closest[kind] }));
     }
     tally.tracer_faults += before.contradictions + after.contradictions;
     let notes = [("input", before.notes), ("output", after.notes)];
     let notes = notes.into_iter().flat_map(|(of, notes)| notes.into_iter().map(move |note| format!("{of}: {note}")));
     let notes = notes.collect();
-    let structures = before.built.zip(after.built).map(|(before, after)| Structures::of([before, after]));
-    Seen { device: before.device, view: rays.view.clone(), tally, kinds, structures, notes }
+    let structures = before.built.zip(after.built).map(|(before, after)| Structures::of(&Sides { before, after }));
+    Seen { device: before.device, view: rays.view.clone(), tally, timed, structures, notes }
 }
 
 /// Times rays of one kind, made ready for as long as that takes.

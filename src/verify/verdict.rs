@@ -18,12 +18,12 @@ use std::fmt;
 use serde::Serialize;
 
 use super::build::Structures;
-use super::compare::Tally;
+use super::compare::{Histogram, Tally};
 use super::speed::KindSpeed;
 use super::structure::Structure;
 use super::tracing::Seen;
 use super::weights::Weights;
-use super::{PerKind, VerifyOptions};
+use super::{PerKind, Sides, VerifyOptions};
 
 /// What verifying a file found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -55,11 +55,15 @@ pub struct Verification {
     pub before_max_relative_distance_error: f64,
     /// As `rms_relative_distance_error`, of the input's hits.
     pub before_rms_relative_distance_error: f64,
+    /// How the distance errors of both are distributed.
+    pub distance_error_histogram: Histogram,
     /// Largest distance of a corner from its place over the diagonal of the input's box; no number (`null` in JSON)
     /// where only surfaces were compared.
     pub position_error_ratio: f64,
     /// Rays a second.
     pub kinds: PerKind<KindSpeed>,
+    /// The seconds that the timed rays took, for each repeat.
+    pub seconds: PerKind<Sides<Vec<f64>>>,
     /// What the device built; `None` on the CPU.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub structures: Option<Structures>,
@@ -112,8 +116,10 @@ pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOp
         rms_relative_distance_error: tally.after.rms(),
         before_max_relative_distance_error: tally.before.max,
         before_rms_relative_distance_error: tally.before.rms(),
+        distance_error_histogram: Histogram::of(&tally),
         position_error_ratio: structure.as_ref().map_or(f64::NAN, |s| s.position_error_ratio),
-        kinds: seen.kinds,
+        kinds: seen.timed.kinds,
+        seconds: seen.timed.seconds,
         structures: seen.structures,
         structure,
         failures,

@@ -22,7 +22,7 @@ use crate::layout::Layout;
 use crate::report::{self, BakeReport, Input, MethodReport, Pass, Seconds, Speed, Told};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
-use crate::verify::{DeviceError, Machine, Verification, VerifyOptions};
+use crate::verify::{DeviceError, Machine, Sides, Verification, VerifyOptions};
 use crate::words::counted;
 use clock::Clock;
 
@@ -144,7 +144,11 @@ pub fn bake(
     let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
     let method = MethodReport::from(chosen.selection).with_written(&after, verification.position_error_ratio, seconds);
     let about_choice = chosen.notes.iter().map(ToString::to_string).collect();
-    let profiles = per_primitive_note(blas_per, [&scene, &after_scene], [&before, &after]);
+    let profiles = per_primitive_note(
+        blas_per,
+        Sides { before: &scene, after: &after_scene },
+        Sides { before: &before, after: &after },
+    );
     let mut report = BakeReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -235,7 +239,9 @@ impl Tried {
         clock.enter(Stage::Verify);
         let after = read_back(&written, output)?;
         let after_trees = trees.build_for(scene, &after, &chosen.trees);
-        let verification = machine.verify_with([scene, &after], [trees, &after_trees], &options.verify)?;
+        let scenes = Sides { before: &**scene, after: &after };
+        let trees_of_both = Sides { before: *trees, after: &after_trees };
+        let verification = machine.verify_with(scenes, trees_of_both, &options.verify)?;
         let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
         Ok(Tried { written, after, trees: after_trees, verification, verdict })
     }

@@ -6,7 +6,7 @@ use super::*;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::test_scenes::room;
 use crate::verify::tests::{baked, tilted};
-use crate::verify::{Verification, VerifyOptions, verify, verify_with};
+use crate::verify::{Sides, Verification, VerifyOptions, verify, verify_with};
 
 fn options() -> VerifyOptions {
     VerifyOptions { rays_per_kind: 1024, repeats: 1, ..VerifyOptions::default() }
@@ -17,7 +17,13 @@ fn on(device: &Device, before: &Scene, after: &Scene, options: &VerifyOptions) -
     let pipelines = Pipelines::new(device).expect("made");
     let build = |scene| VulkanTracer::new(&pipelines, scene, options.build).expect("built");
     let tracers = [build(before), build(after)];
-    verify_with(before, after, &Reference::new(&trees), [&tracers[0], &tracers[1]], options).expect("traced")
+    verify_with(
+        Sides { before, after },
+        &Reference::new(&trees),
+        Sides { before: &tracers[0], after: &tracers[1] },
+        options,
+    )
+    .expect("traced")
 }
 
 #[test]
