@@ -24,7 +24,7 @@ pub(crate) fn instances_stay(count: usize) -> String {
 }
 
 /// The word for so many of something.
-fn plural(count: usize, what: &str) -> String {
+pub(crate) fn plural(count: usize, what: &str) -> String {
     if count == 1 {
         return what.to_owned();
     }

@@ -4,6 +4,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::{self, Metrics};
 use crate::layout::{self, BlasPer};
 use crate::methods::{self, Method};
+use crate::report::notes::built_per_primitive;
 use crate::scene::Scene;
 use crate::verify::Sides;
 
@@ -29,13 +30,5 @@ pub(crate) fn per_primitive_note(per: BlasPer, scenes: Sides<&Scene>, metrics: S
         return Vec::new();
     }
     let of_meshes = scenes.map(measure_as_is);
-    let costs = |m: Sides<&Metrics>| {
-        let Sides { before, after } = m.map(|m| format!("{:.2} in {} BLASes", m.two_level_cost, m.mesh_groups));
-        format!("{before} before, {after} after")
-    };
-    vec![format!(
-        "built as one BLAS a primitive, the two-level cost is {}; as one BLAS a mesh, {}",
-        costs(metrics),
-        costs(of_meshes.as_ref())
-    )]
+    vec![built_per_primitive(metrics, of_meshes.as_ref())]
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 use crate::commands::bake::BakeError;
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::cost::mesh_trees::MeshTrees;
+use crate::report::notes::AboutMatching;
 use crate::report::{self, Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::identity::Identity;
@@ -43,7 +44,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
     let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
     let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
     let profiles = per_primitive_note(blas_per, scenes, Sides { before: &metrics_before, after: &metrics_after });
-    let about_matching = note(by, matching, &scene_after, &verification);
+    let about_matching = note(by, matching, &scene_after, &verification).map(|about| about.to_string());
     let notes = verification.notes.iter().cloned().chain(about_matching).chain(profiles).collect();
     Ok(VerifyReport {
         schema: report::SCHEMA,
@@ -90,18 +91,12 @@ fn names_its_sources(scene: &Scene) -> bool {
 }
 
 /// What to say about a choice that the user may want to make otherwise.
-fn note(by: MatchBy, chosen: Matching, after: &Scene, found: &Verification) -> Option<String> {
+fn note(by: MatchBy, chosen: Matching, after: &Scene, found: &Verification) -> Option<AboutMatching> {
     match (by, chosen) {
-        (MatchBy::Auto, Matching::Surface) if names_its_sources(after) => Some(
-            "most of what the output says about where its triangles come from is not about this input: surfaces are \
-             compared"
-                .into(),
-        ),
-        (MatchBy::Auto, Matching::Identity) if found.structure.as_ref().is_some_and(|s| !s.is_clean()) => Some(
-            "triangles are matched by what the output says about where they come from; if another tool changed it \
-             since, `--match surface` compares what rays see"
-                .into(),
-        ),
+        (MatchBy::Auto, Matching::Surface) if names_its_sources(after) => Some(AboutMatching::OfAnotherInput),
+        (MatchBy::Auto, Matching::Identity) if found.structure.as_ref().is_some_and(|s| !s.is_clean()) => {
+            Some(AboutMatching::FaultsByIdentity)
+        }
         _ => None,
     }
 }

@@ -46,8 +46,17 @@ pub struct Emitted {
     pub copied: Copied,
     /// Nodes that `--prune` dropped.
     pub pruned_nodes: usize,
-    /// What could not be done, in words.
-    pub notes: Vec<String>,
+    /// What could not be done.
+    pub notes: Vec<Note>,
+}
+
+/// Something that could not be done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Note {
+    /// No node was pruned.
+    NothingPruned(CannotPrune),
+    /// Unused data stays in the file, because this extension may refer to it.
+    MayReferToData(String),
 }
 
 /// Whether a layout leaves every mesh and instance of its scene as it is.
@@ -97,7 +106,7 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -
     nodes::place(&mut document, scene, layout, &meshes, &batches);
     let pruned_nodes = if options.prune { prune(&mut document, scene, &mut notes) } else { 0 };
     if let Some(extension) = document.compact().held_by {
-        notes.push(format!("unused data stays in the file: the extension {extension} may refer to it"));
+        notes.push(Note::MayReferToData(extension));
     }
     document.forget_extensions_gone_since(doc);
     Emitted { document, position_error, copied: batches.copied, pruned_nodes, notes }
@@ -114,16 +123,9 @@ fn mark_untouched(document: &mut Document, scene: &Scene) {
 }
 
 /// Drops empty nodes; returns how many went, and notes why if none could.
-fn prune(document: &mut Document, scene: &Scene, notes: &mut Vec<String>) -> usize {
+fn prune(document: &mut Document, scene: &Scene, notes: &mut Vec<Note>) -> usize {
     document.drop_empty_nodes(scene.nodes).unwrap_or_else(|cause| {
-        notes.push(match cause {
-            CannotPrune::Extension(extension) => {
-                format!("no node was pruned: the extension {extension} may refer to it")
-            }
-            CannotPrune::NoRoom => {
-                "no node was pruned: the extras of a node leave no room to record its old number".into()
-            }
-        });
+        notes.push(Note::NothingPruned(cause));
         0
     })
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::DAffine3;
 
-use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
+use crate::layout::{Content, Group, GroupGeometry, Layout, Note, Placement};
 use crate::scene::{Geometry, InstanceId, Mesh, MeshId, Scene, TriangleRef};
 
 /// A geometry as an instance places it: what the thesis calls an object.
@@ -214,7 +214,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds a remark for the report.
-    pub(crate) fn note(&mut self, note: String) {
+    pub(crate) fn note(&mut self, note: Note) {
         self.layout.notes.push(note);
     }
 

@@ -5,6 +5,7 @@
 mod axes;
 pub(crate) mod builder;
 mod check;
+mod note;
 mod order;
 mod per_geometry;
 mod placed_trees;
@@ -14,6 +15,7 @@ mod stored;
 pub(crate) mod test_scenes;
 
 pub(crate) use axes::{WAYS, turn_axes, turn_stored};
+pub use note::{Changed, Limit, Meshes, Note, Stay};
 pub use order::{order_by_tree, order_for_good};
 pub use per_geometry::{BlasPer, as_built, per_geometry};
 pub use placed_trees::PlacedTrees;
@@ -29,8 +31,8 @@ pub struct Layout {
     pub groups: Vec<Group>,
     /// Their placements (TLAS entries).
     pub placements: Vec<Placement>,
-    /// What the method left out and why, in words, for the report.
-    pub notes: Vec<String>,
+    /// What the method did and left out, and why.
+    pub notes: Vec<Note>,
 }
 
 /// The triangles built into one BLAS.

@@ -16,7 +16,6 @@ use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
-use crate::layout::Layout;
 use crate::layout::builder::Builder;
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::pieces::{CHUNK, Item, Piece, Pieces, bounds_of, centroid_bounds};
@@ -47,9 +46,7 @@ fn split_all(pieces: &mut Pieces, options: &BvhOptions, layout: &mut Builder) ->
     let mut nodes = queue.len();
     if allowed < (nodes + 2) as f64 && nodes > 0 {
         let allowed = allowed.max(0.0) as u64;
-        layout.note(format!(
-            "no object is split: {allowed} tree nodes are allowed, and the {nodes} objects have one each"
-        ));
+        layout.note(Note::NothingSplit { allowed, objects: nodes });
     }
     let mut leaves = Vec::new();
     while let Some((piece, bounds)) = queue.pop_front() {
@@ -226,7 +223,7 @@ mod tests {
         builder.object("a", 0, row(Vec3::ZERO, 100));
         let layout = checked(&builder.scene(), &BvhOptions { nodes_per_triangle_ratio: 1e-3, ..ample() });
         assert_eq!(group_names(&layout), ["kept a"]);
-        assert_eq!(layout.notes, ["no object is split: 0 tree nodes are allowed, and the 1 objects have one each"]);
+        assert_eq!(layout.notes, [Note::NothingSplit { allowed: 0, objects: 1 }]);
     }
 
     #[test]

@@ -23,7 +23,6 @@
 use rayon::prelude::*;
 
 use crate::cost::overlap;
-use crate::layout::Layout;
 use crate::layout::builder::Builder;
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
@@ -51,7 +50,7 @@ pub(super) fn overlap(scene: &Scene, instances: &InstanceOptions, options: &Over
             reduction.pieces.emit(&groups, &mut layout);
         } else {
             selection.baked().for_each(|instance| layout.keep(instance));
-            layout.note(format!("no round lowers the overlap ratio below the {input:.3} of the input"));
+            layout.note(Note::OverlapNotLowered { of_input: input });
         }
         layout.finish()
     })
@@ -325,7 +324,7 @@ mod tests {
         builder.place(lamp, "lamp", DAffine3::IDENTITY);
         let layout = checked(&builder.scene(), &with_ratios(0.0, 0.25, 0.5));
         assert_eq!(group_names(&layout), ["kept a", "kept lamp"]);
-        assert!(layout.notes[0].contains("no round lowers the overlap ratio"), "{:?}", layout.notes);
+        assert!(layout.notes[0].to_string().contains("no round lowers the overlap ratio"), "{:?}", layout.notes);
     }
 
     #[test]

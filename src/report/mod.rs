@@ -4,6 +4,7 @@ pub mod candidates;
 mod choice;
 mod devices;
 pub mod json;
+pub(crate) mod notes;
 mod passes;
 pub mod text;
 mod told;

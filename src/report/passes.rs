@@ -3,6 +3,7 @@
 use serde::{Serialize, Serializer};
 
 use crate::choose::{self, But, NotTimed, PassId, Reason};
+use crate::emit::Copied;
 use crate::words::counted;
 
 /// A step that was taken or left out.
@@ -29,6 +30,23 @@ impl From<choose::Pass> for Pass {
         let choose::Pass { id, applied, reason, buts, seconds } = pass;
         let reason = buts.iter().fold(words_of(id, &reason), |reason, but| reason + &words_of_but(but));
         Pass { id, applied, reason, seconds }
+    }
+}
+
+impl Pass {
+    /// Instances written as copies of one node.
+    pub(crate) fn instancing_extension(copied: &Copied, seconds: f64) -> Pass {
+        Pass { id: PassId::InstancingExtension, applied: copied.nodes > 0, reason: copied.to_string(), seconds }
+    }
+
+    /// Nodes dropped because they showed nothing.
+    pub(crate) fn prune(nodes: usize, seconds: f64) -> Pass {
+        let reason = match nodes {
+            0 => "every node shows something or is referred to".to_owned(),
+            1 => "1 node showed nothing and nothing referred to it".to_owned(),
+            n => format!("{} showed nothing and nothing referred to them", counted(n, "node")),
+        };
+        Pass { id: PassId::Prune, applied: nodes > 0, reason, seconds }
     }
 }
 

@@ -10,10 +10,10 @@ use std::time::Instant;
 pub use clock::Stage;
 pub use copies::FindCopies;
 
+use raykiln_formats::Document;
 use raykiln_formats::document::{self, Staged};
-use raykiln_formats::{Document, Warning};
 
-use crate::choose::{self, Choice, ChooseOptions, Chosen, PassId};
+use crate::choose::{self, Choice, ChooseOptions, Chosen};
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::commands::source::Source;
 use crate::cost::mesh_trees::MeshTrees;
@@ -23,7 +23,6 @@ use crate::report::{self, BakeReport, Input, MethodReport, Pass, Seconds, Speed,
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
 use crate::verify::{DeviceError, Machine, Sides, Verification, VerifyOptions};
-use crate::words::counted;
 use clock::Clock;
 
 /// What a bake may be told.
@@ -143,7 +142,6 @@ pub fn bake(
     let copies = copies.map(|pass| copies::as_written(pass, written.unchanged, copies_are_placed));
     let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
     let method = MethodReport::from(chosen.selection).with_written(&after, verification.position_error_ratio, seconds);
-    let about_choice = chosen.notes.iter().map(ToString::to_string).collect();
     let profiles = per_primitive_note(
         blas_per,
         Sides { before: &scene, after: &after_scene },
@@ -162,14 +160,21 @@ pub fn bake(
         verdict,
         method,
         after,
-        passes: copies.into_iter().chain(chosen.passes.into_iter().map(Pass::from)).chain(written.passes).collect(),
-        notes: [chosen.layout.notes, about_choice, written.notes, verification.notes.clone(), profiles].concat(),
+        passes: copies.into_iter().chain(chosen.passes.into_iter().map(Pass::from)).chain(written.passes()).collect(),
+        notes: [
+            words_of(&chosen.layout.notes),
+            words_of(&chosen.notes),
+            written.notes(),
+            verification.notes.clone(),
+            profiles,
+        ]
+        .concat(),
         verify: verification,
         seconds: Seconds::default(),
         peak_memory_bytes: None,
         output_bytes: written.staged.bytes(),
         copied: written.copied,
-        warnings: words(&[&scene_warnings, &doc.warnings, &written.staged.warnings]),
+        warnings: words_of(&[scene_warnings, doc.warnings.clone(), written.staged.warnings.clone()].concat()),
     };
     report.seconds = clock.stop();
     report.peak_memory_bytes = clock::peak_memory_bytes();
@@ -177,8 +182,8 @@ pub fn bake(
     Ok(Baked { report, output })
 }
 
-fn words(warnings: &[&[Warning]]) -> Vec<String> {
-    warnings.concat().iter().map(ToString::to_string).collect()
+fn words_of(all: &[impl ToString]) -> Vec<String> {
+    all.iter().map(ToString::to_string).collect()
 }
 
 /// The input.
@@ -258,8 +263,22 @@ struct Written {
     unchanged: bool,
     /// What became copies of one node; `None` where that was not asked for.
     copied: Option<Copied>,
-    passes: Vec<Pass>,
-    notes: Vec<String>,
+    /// How many nodes were dropped; `None` if that was not asked for.
+    pruned: Option<usize>,
+    notes: Vec<emit::Note>,
+    /// Time to make the document.
+    seconds: f64,
+}
+
+impl Written {
+    fn passes(&self) -> Vec<Pass> {
+        let copied = self.copied.map(|copied| Pass::instancing_extension(&copied, self.seconds));
+        copied.into_iter().chain(self.pruned.map(|nodes| Pass::prune(nodes, self.seconds))).collect()
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.copied.iter().map(ToString::to_string).chain(words_of(&self.notes)).collect()
+    }
 }
 
 /// Writes the output, staged; byte for byte the input where nothing changes.
@@ -275,52 +294,15 @@ fn write(
     let as_copies = options.instancing != Instancing::Nodes;
     let emitted = (regrouped || options.prune || as_copies).then(|| emit::emit(doc, scene, layout, options));
     let (pruned, copied) = emitted.as_ref().map_or((0, Copied::default()), |e| (e.pruned_nodes, e.copied));
-    let mut passes = Vec::new();
-    let mut pass = |id: PassId, applied: bool, reason: String| {
-        passes.push(Pass { id, applied, reason, seconds: start.elapsed().as_secs_f64() });
+    let seconds = start.elapsed().as_secs_f64();
+    let (copied_if_asked, pruned_if_asked) = (as_copies.then_some(copied), options.prune.then_some(pruned));
+    let changed = emitted.filter(|_| regrouped || pruned > 0 || copied.nodes > 0);
+    let unchanged = changed.is_none();
+    let (staged, notes) = match changed {
+        Some(e) => (e.document.stage(output)?, e.notes),
+        None => (doc.stage_unchanged(output)?, Vec::new()),
     };
-    let mut notes = Vec::new();
-    if as_copies {
-        notes.push(words_of_copies(&copied));
-        pass(PassId::InstancingExtension, copied.nodes > 0, words_of_copies(&copied));
-    }
-    if options.prune {
-        let reason = match pruned {
-            0 => "every node shows something or is referred to".to_owned(),
-            1 => "1 node showed nothing and nothing referred to it".to_owned(),
-            n => format!("{} showed nothing and nothing referred to them", counted(n, "node")),
-        };
-        pass(PassId::Prune, pruned > 0, reason);
-    }
-    let copied_if_asked = as_copies.then_some(copied);
-    match emitted.filter(|_| regrouped || pruned > 0 || copied.nodes > 0) {
-        Some(e) => {
-            let staged = e.document.stage(output)?;
-            Ok(Written { staged, unchanged: false, copied: copied_if_asked, passes, notes: [notes, e.notes].concat() })
-        }
-        None => {
-            let staged = doc.stage_unchanged(output)?;
-            Ok(Written { staged, unchanged: true, copied: copied_if_asked, passes, notes })
-        }
-    }
-}
-
-fn words_of_copies(copied: &Copied) -> String {
-    let Copied { nodes, copies, stay } = *copied;
-    let stay = match stay {
-        0 => String::new(),
-        1 => "; 1 stays a node, as no translation, rotation and scale come close enough to its transform".to_owned(),
-        n => format!("; {n} stay nodes, as no translation, rotation and scale come close enough to their transforms"),
-    };
-    match nodes {
-        0 => format!("no two instances of one mesh can become copies of one node{stay}"),
-        _ => format!(
-            "{} are copies of {}: {} fewer place a mesh{stay}",
-            counted(copies, "instance"),
-            counted(nodes, "node"),
-            counted(copies - nodes, "node")
-        ),
-    }
+    Ok(Written { staged, unchanged, copied: copied_if_asked, pruned: pruned_if_asked, notes, seconds })
 }
 
 /// Reads the staged file back.

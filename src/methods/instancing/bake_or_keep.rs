@@ -5,7 +5,7 @@
 
 use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
 use crate::cost::bytes;
-use crate::layout::Layout;
+use crate::layout::{Layout, Limit, Note};
 use crate::methods::InstanceOptions;
 use crate::scene::{Instance, Scene};
 
@@ -23,8 +23,8 @@ pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Sel
         let excess = layout.as_bytes(scene) as f64 - most_bytes;
         let fewer = without_excess(&candidates[..chosen], excess);
         if fewer == chosen {
-            layout.notes.extend(note(&candidates[chosen..within_memory], "the bytes allowed would be exceeded"));
-            layout.notes.extend(note(&candidates[within_memory..], "too many triangles would have to be written out"));
+            layout.notes.extend(note(&candidates[chosen..within_memory], Limit::Bytes));
+            layout.notes.extend(note(&candidates[within_memory..], Limit::Triangles));
             return layout;
         }
         chosen = fewer;
@@ -127,14 +127,9 @@ fn select(scene: &Scene, chosen: &[Candidate]) -> Selection {
     Selection { fates, pieces: vec![Vec::new(); scene.meshes.len()] }
 }
 
-fn note(left: &[Candidate], why: &str) -> Option<String> {
+fn note(left: &[Candidate], limit: Limit) -> Option<Note> {
     let instances: u64 = left.iter().map(|c| c.instances).sum();
-    let plural = |n: u64| if n == 1 { "" } else { "es" };
-    (instances > 0).then(|| {
-        let meshes = left.len() as u64;
-        let (s, es) = (if instances == 1 { "" } else { "s" }, plural(meshes));
-        format!("{instances} instance{s} of {meshes} mesh{es} stay as they are: {why}")
-    })
+    (instances > 0).then(|| Note::BeyondLimit { instances, meshes: left.len(), limit })
 }
 
 #[cfg(test)]
@@ -182,7 +177,10 @@ mod tests {
         let layout = with_ratio(&scene, 1.3);
         assert_eq!(group_names(&layout), ["kept large", "baked scene"]);
         assert_eq!(group_sizes(&scene, &layout), [1000, 350]);
-        assert_eq!(layout.notes, ["3 instances of 1 mesh stay as they are: the bytes allowed would be exceeded"]);
+        assert_eq!(
+            layout.notes[0].to_string(),
+            "3 instances of 1 mesh stay as they are: the bytes allowed would be exceeded"
+        );
     }
 
     #[test]
@@ -191,7 +189,7 @@ mod tests {
         for ratio in [0.0, -1.0, f64::NAN] {
             let layout = with_ratio(&scene, ratio);
             assert_eq!(group_sizes(&scene, &layout), [1000, 100, 50], "{ratio}");
-            assert_eq!(layout.notes, ["6 instances of 2 meshes stay as they are: the bytes allowed would be exceeded"]);
+            assert_eq!(layout.notes, [Note::BeyondLimit { instances: 6, meshes: 2, limit: Limit::Bytes }]);
         }
     }
 
@@ -225,8 +223,8 @@ mod tests {
         let layout = run_single(&scene, None);
         assert_eq!(group_names(&layout), ["kept mesh"]);
         assert_eq!(
-            layout.notes,
-            ["10000 instances of 1 mesh stay as they are: too many triangles would have to be written out"]
+            layout.notes[0].to_string(),
+            "10000 instances of 1 mesh stay as they are: too many triangles would have to be written out"
         );
     }
 }

@@ -96,8 +96,8 @@ pub(super) struct Candidates {
     base_triangles: u64,
     /// Share of what a mesh costs that a change must save.
     worth_a_change: f64,
-    /// Why no mesh was looked at, if so.
-    pub(super) idle: Option<&'static str>,
+    /// Whether no mesh was looked at, because no two instance boxes overlap.
+    pub(super) are_apart: bool,
 }
 
 impl Candidates {
@@ -115,7 +115,7 @@ impl Candidates {
             .map(|(m, instances)| Candidate { id: MeshId(m), instances, looked_at: None, plans: vec![Plan::NONE] })
             .collect();
         let worth_a_change = if options.pieces.is_some() { 0.0 } else { WORTH_A_CHANGE };
-        let mut candidates = Candidates { meshes, base_triangles: base, worth_a_change, idle: None };
+        let mut candidates = Candidates { meshes, base_triangles: base, worth_a_change, are_apart: false };
         if !candidates.meshes.is_empty() {
             candidates.look(scene, options, &uses);
         }
@@ -128,7 +128,7 @@ impl Candidates {
         let areas: f64 = self.meshes.iter().flat_map(|m| &m.instances).map(|i| boxes[i.0 as usize].area()).sum();
         let overlaps = overlap::shared_area(&boxes) > APART * areas;
         if !overlaps {
-            self.idle = Some("no two instance boxes overlap");
+            self.are_apart = true;
             return;
         }
         let quality = |m: usize| if uses[m] > 1 { Quality::Medium } else { Quality::Fast };

@@ -71,7 +71,7 @@ fn overlapping_instances_are_opened_into_pieces_that_all_share() {
     let names = group_names(&layout);
     assert!(names.len() >= 8 && names.iter().all(|n| n.starts_with("piece knot.")), "{names:?}");
     assert_eq!(layout.placements.len(), 200 * names.len());
-    assert!(layout.notes[0].contains("`knot`: 200 instances opened into"), "{:?}", layout.notes);
+    assert!(layout.notes[0].to_string().contains("`knot`: 200 instances opened into"), "{:?}", layout.notes);
 }
 
 #[test]
@@ -86,7 +86,11 @@ fn nothing_is_changed_where_no_bytes_are_allowed() {
     for ratio in [1.0, 0.0, -1.0, f64::NAN] {
         let layout = chosen(&scene, Some(ratio));
         assert_eq!(group_names(&layout), ["kept knot"], "{ratio}");
-        assert!(layout.notes[0].contains("200 instances stay: more than the 0 bytes"), "{:?}", layout.notes);
+        assert!(
+            layout.notes[0].to_string().contains("200 instances stay: more than the 0 bytes"),
+            "{:?}",
+            layout.notes
+        );
     }
 }
 
@@ -99,7 +103,7 @@ fn a_lattice_of_separate_instances_is_left_alone() {
     }
     let layout = chosen(&builder.scene(), None);
     assert_eq!(group_names(&layout), ["kept knot"]);
-    assert_eq!(layout.notes, ["125 instances stay: no two instance boxes overlap"]);
+    assert_eq!(layout.notes[0].to_string(), "125 instances stay: no two instance boxes overlap");
 }
 
 #[test]
@@ -271,7 +275,11 @@ fn a_turned_mesh_is_stored_in_the_frame_that_fits_it_for_all_its_instances() {
     let scene = builder.scene();
     let layout = chosen(&scene, Some(1.0));
     assert_eq!(group_names(&layout), ["piece plank.0"], "no bytes are needed for it");
-    assert!(layout.notes[0].contains("300 instances stored in a frame that fits the mesh"), "{:?}", layout.notes);
+    assert!(
+        layout.notes[0].to_string().contains("300 instances stored in a frame that fits the mesh"),
+        "{:?}",
+        layout.notes
+    );
 }
 
 #[test]
