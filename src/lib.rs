@@ -51,7 +51,6 @@ pub mod report;
 pub mod scene;
 pub mod tree;
 pub mod verify;
-mod words;
 
 pub use choose::model::Class as DeviceClass;
 pub use choose::plans::Effort;

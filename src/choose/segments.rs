@@ -79,7 +79,8 @@ mod tests {
                 &Weights(weights.into()),
                 DVec3::ZERO,
             );
-            let lengths = given.iter().filter_map(|plan| plan.options.cluster.search.segments.as_ref()).map(|s| s.len());
+            let lengths =
+                given.iter().filter_map(|plan| plan.options.cluster.search.segments.as_ref()).map(|s| s.len());
             let lengths: Vec<usize> = lengths.collect();
             assert!(lengths.iter().all(|&len| len == lengths[0]) && lengths.len() > 2);
             lengths[0]

@@ -45,7 +45,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
     let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
     let profiles = per_primitive_note(blas_per, scenes, Sides { before: &metrics_before, after: &metrics_after });
     let about_matching = note(by, matching, &scene_after, &verification).map(|about| about.to_string());
-    let notes = verification.notes.iter().cloned().chain(about_matching).chain(profiles).collect();
+    let notes = verification.notes.iter().map(ToString::to_string).chain(about_matching).chain(profiles).collect();
     Ok(VerifyReport {
         schema: report::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),

@@ -85,7 +85,7 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     output::check(&config.out)?;
     let machine = Machine::open(&config.verify.device);
     let machine = machine.map_err(|e| LabError::Device(e.to_string().replace("--device", "`device`")))?;
-    let mut notes = machine.notes().to_vec();
+    let mut notes: Vec<String> = machine.notes().iter().map(ToString::to_string).collect();
     let class = config.fit.unwrap_or_default();
     let (mut rows, mut warnings) = (Vec::new(), Vec::new());
     for (name, path) in &config.scenes {

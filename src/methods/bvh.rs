@@ -17,6 +17,7 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 
 use crate::layout::builder::Builder;
+use crate::layout::{Layout, Note};
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::pieces::{CHUNK, Item, Piece, Pieces, bounds_of, centroid_bounds};
 use crate::methods::{BvhOptions, InstanceOptions};

@@ -24,6 +24,7 @@ use rayon::prelude::*;
 
 use crate::cost::overlap;
 use crate::layout::builder::Builder;
+use crate::layout::{Layout, Note};
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
 use crate::methods::{InstanceOptions, OverlapOptions};

@@ -3,9 +3,9 @@
 use std::fmt::Write;
 
 use super::text::{padded, wrapped};
+use super::words::bytes;
 use super::{Candidate, MethodReport};
 use crate::methods::PlanId;
-use crate::words::bytes;
 
 /// Characters of a line.
 pub(super) const WIDTH: usize = 140;

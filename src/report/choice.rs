@@ -2,10 +2,10 @@
 
 use std::fmt::{self, Display, Formatter};
 
+use super::words::{counted, grouped, instances_stay};
 use crate::choose::{Excess, GroupCause, Note, Origin, Outcome, Why};
 use crate::methods::Method;
 use crate::scene::Pinned;
-use crate::words::{counted, grouped, instances_stay};
 
 /// That the input stays although it is beyond the bounds.
 const INPUT_STAYS: &str = "no candidate keeps to all that is allowed, and the input stays";

@@ -9,6 +9,8 @@ mod passes;
 pub mod text;
 mod told;
 pub mod verdict;
+mod verification;
+pub(crate) mod words;
 
 pub use devices::{Device, DeviceLimits, DevicesReport};
 pub use passes::Pass;

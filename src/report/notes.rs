@@ -4,11 +4,11 @@ use std::fmt::{self, Display, Formatter};
 
 use raykiln_formats::edit::CannotPrune;
 
+use super::words::{counted, plural};
 use crate::cost::Metrics;
 use crate::emit::{self, Copied};
 use crate::layout::{Changed, Limit, Meshes, Note, Stay};
 use crate::verify::Sides;
-use crate::words::{counted, plural};
 
 impl Display for Note {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {

@@ -2,9 +2,9 @@
 
 use serde::{Serialize, Serializer};
 
+use super::words::counted;
 use crate::choose::{self, But, NotTimed, PassId, Reason};
 use crate::emit::Copied;
-use crate::words::counted;
 
 /// A step that was taken or left out.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::words::{bytes, counted, grouped};
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
 use super::{Severity, Speed, VerifyReport, candidates, verdict};
 use crate::choose::PassId;
@@ -10,7 +11,6 @@ use crate::layout::BlasPer;
 use crate::verify::speed::KindSpeed;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Sides, Verification};
-use crate::words::{bytes, counted, grouped};
 
 /// Warnings and notes that are shown without `-v`.
 const FEW: usize = 3;

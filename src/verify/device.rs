@@ -2,14 +2,14 @@
 
 #[cfg(feature = "vulkan")]
 use super::{
-    Tracers,
+    Tracers, WhyCpu,
     cpu::{Reference, TwoLevel},
     verify_with,
     vulkan::{Device, DeviceInfo, Error, Options, Pipelines, Vulkan, VulkanTracer, Wanted},
 };
 use serde::Serialize;
 
-use super::{Sides, Verification, VerifyOptions, verify_on_cpu};
+use super::{Note, Sides, Verification, VerifyOptions, verify_on_cpu};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 
@@ -77,7 +77,7 @@ pub struct Machine {
     /// Whether the device was named, so that its failure is an error.
     #[cfg(feature = "vulkan")]
     named: bool,
-    notes: Vec<String>,
+    notes: Vec<Note>,
 }
 
 #[cfg(feature = "vulkan")]
@@ -92,11 +92,7 @@ impl Machine {
             DeviceChoice::Auto => {
                 return Ok(match open_hardware() {
                     Ok(device) => Machine { device: Some(device), named: false, notes: Vec::new() },
-                    Err(why) => Machine {
-                        device: None,
-                        named: false,
-                        notes: vec![format!("rays are traced on the CPU: {why}")],
-                    },
+                    Err(why) => Machine { device: None, named: false, notes: vec![Note::OnCpu(why)] },
                 });
             }
             DeviceChoice::Index(index) => Wanted::Index(*index),
@@ -146,7 +142,7 @@ impl Machine {
                 found
             }
             Some(Err(e)) if !self.named || matches!(e, Error::OutOfMemory { .. } | Error::Limit { .. }) => {
-                notes.push(format!("rays are traced on the CPU: {e}"));
+                notes.push(Note::OnCpu(WhyCpu::Failed(e.to_string())));
                 verify_on_cpu(scenes, trees, options)
             }
             Some(Err(e)) => return Err(DeviceError(e.to_string())),
@@ -157,22 +153,20 @@ impl Machine {
 }
 
 #[cfg(feature = "vulkan")]
-fn open_hardware() -> Result<Device, String> {
-    let vulkan = Vulkan::load(Options::from_env()).map_err(|e| e.to_string())?;
-    let devices = vulkan.devices().map_err(|e| e.to_string())?;
+fn open_hardware() -> Result<Device, WhyCpu> {
+    let failed = |e: Error| WhyCpu::Failed(e.to_string());
+    let vulkan = Vulkan::load(Options::from_env()).map_err(failed)?;
+    let devices = vulkan.devices().map_err(failed)?;
     match devices.iter().find(|d| d.can_trace() && !d.is_software) {
-        Some(device) => vulkan.open(&Wanted::Index(device.index)).map_err(|e| e.to_string()),
+        Some(device) => vulkan.open(&Wanted::Index(device.index)).map_err(failed),
         None => Err(no_hardware(&devices)),
     }
 }
 
 #[cfg(feature = "vulkan")]
-fn no_hardware(devices: &[DeviceInfo]) -> String {
-    let software = devices.iter().filter(|d| d.can_trace()).map(|d| format!("`{}`", d.name)).collect::<Vec<_>>();
-    match software.is_empty() {
-        true => "no Vulkan device can trace rays".into(),
-        false => format!("no Vulkan device but the software driver {} can trace rays", software.join(", ")),
-    }
+fn no_hardware(devices: &[DeviceInfo]) -> WhyCpu {
+    let software: Vec<String> = devices.iter().filter(|d| d.can_trace()).map(|d| d.name.clone()).collect();
+    if software.is_empty() { WhyCpu::NoDevice } else { WhyCpu::OnlySoftware(software) }
 }
 
 /// Verifies on a device; a note says where not both layouts fit its memory at once. The trees of the truth are built
@@ -183,7 +177,7 @@ fn verify_on(
     scenes: Sides<&Scene>,
     trees_before: &MeshTrees,
     options: &VerifyOptions,
-) -> Result<(Verification, Option<String>), Error> {
+) -> Result<(Verification, Option<Note>), Error> {
     let Sides { before, after } = scenes;
     std::thread::scope(|scope| {
         let trees = scope.spawn(|| TwoLevel::build_with(before, trees_before));
@@ -196,19 +190,11 @@ fn verify_on(
         match both.and_then(|both| verify(Tracers::Together(both.as_ref()))) {
             Err(why @ Error::OutOfMemory { .. }) => {
                 let found = verify(Tracers::OneByOne(Sides { before: &|| build(before), after: &|| build(after) }))?;
-                Ok((found, Some(not_in_turns(&why))))
+                Ok((found, Some(Note::NotInTurns(why.to_string()))))
             }
             found => Ok((found?, None)),
         }
     })
-}
-
-#[cfg(feature = "vulkan")]
-fn not_in_turns(why: &Error) -> String {
-    format!(
-        "the structures of input and output were built and timed one after the other, not in turns: {why}; speeds may \
-         have drifted in between by more than the spread"
-    )
 }
 
 #[cfg(not(feature = "vulkan"))]
@@ -254,8 +240,8 @@ impl Machine {
         self.verify_with(Sides { before, after }, Sides { before: none, after: none }, options)
     }
 
-    /// What it does otherwise than asked, in words.
-    pub fn notes(&self) -> &[String] {
+    /// What it does otherwise than asked.
+    pub fn notes(&self) -> &[Note] {
         &self.notes
     }
 }

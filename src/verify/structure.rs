@@ -6,6 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::FaultKind;
 use super::identity::{Chunk, Identity, chunks, describe};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
@@ -44,15 +45,15 @@ pub struct Structure {
 }
 
 impl Structure {
-    /// The faults, each with its name.
-    pub fn faults(&self) -> [(&'static str, &Fault); 6] {
+    /// The faults, each with its kind.
+    pub fn faults(&self) -> [(FaultKind, &Fault); 6] {
         [
-            ("missing", &self.missing),
-            ("repeated", &self.repeated),
-            ("unknown", &self.unknown),
-            ("of another material", &self.wrong_material),
-            ("flipped", &self.flipped),
-            ("moved", &self.moved),
+            (FaultKind::Missing, &self.missing),
+            (FaultKind::Repeated, &self.repeated),
+            (FaultKind::Unknown, &self.unknown),
+            (FaultKind::WrongMaterial, &self.wrong_material),
+            (FaultKind::Flipped, &self.flipped),
+            (FaultKind::Moved, &self.moved),
         ]
     }
 

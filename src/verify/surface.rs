@@ -13,7 +13,7 @@ use super::cpu::{Reference, TrueHit};
 use super::materials::Materials;
 use super::rays::{Ray, RayKind};
 use super::structure::reference_length;
-use super::{Hit, Side, Sides, VerifyOptions};
+use super::{Hit, Note, Side, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
 /// Two scenes and the truth about the first.
@@ -70,9 +70,8 @@ impl<'a> Surfaces<'a> {
     }
 
     /// What to know about how materials are matched.
-    pub(super) fn note(&self) -> Option<String> {
-        (!self.materials.are_named())
-            .then(|| "not every material has a name in both files: materials are matched by their look".into())
+    pub(super) fn note(&self) -> Option<Note> {
+        (!self.materials.are_named()).then_some(Note::ByLook)
     }
 
     /// Compares what the tracers say about rays.
@@ -302,7 +301,7 @@ mod tests {
         let mut after = named_room();
         after.materials.swap(1, 2);
         let found = verified(&before, &after);
-        assert!(found.mismatches > 100 && found.failures[0].contains("another material"), "{found}");
+        assert!(found.mismatches > 100 && found.failures[0].to_string().contains("another material"), "{found}");
         let (geometries, swapped) = (&mut after.meshes[1].geometries, [Some(2), Some(1)]);
         geometries.iter_mut().zip(swapped).for_each(|(g, m)| g.material = m);
         assert!(verified(&before, &after).passed());
@@ -315,10 +314,10 @@ mod tests {
         let mut after = before.clone();
         after.materials.iter_mut().for_each(|m| m.name = None);
         let found = verified(&before, &after);
-        assert!(found.passed() && found.notes.iter().any(|note| note.contains("by their look")), "{found}");
+        assert!(found.passed() && found.notes.contains(&Note::ByLook), "{found}");
         after.materials.swap(1, 2);
         let found = verified(&before, &after);
-        assert!(found.mismatches > 100 && found.failures[0].contains("of base color"), "{found}");
+        assert!(found.mismatches > 100 && found.failures[0].to_string().contains("of base color"), "{found}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::compare::Tally;
 use super::cpu::TrueHit;
 use super::rays::{self, Ray, RayKind, Rays};
 use super::speed::{self, KindSpeed};
-use super::{PerKind, Sides, VerifyOptions};
+use super::{Note, OpaqueTextures, PerKind, Side, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
 /// Something that traces rays through one scene.
@@ -50,9 +50,9 @@ pub trait Tracer {
     /// As above.
     fn seconds(&self, kind: RayKind, rays: &Self::Rays<'_>) -> Result<f64, Self::Error>;
 
-    /// What it does otherwise than asked, in words.
-    fn notes(&self) -> Vec<String> {
-        Vec::new()
+    /// Textures that it takes for opaque when it is timed.
+    fn opaque_textures(&self) -> Option<OpaqueTextures> {
+        None
     }
 
     /// What was built for it and what its rays met so far; `None` where that tells nothing of a device.
@@ -87,7 +87,7 @@ pub(super) struct Seen {
     pub(super) tally: Tally,
     pub(super) timed: Timed,
     pub(super) structures: Option<Structures>,
-    pub(super) notes: Vec<String>,
+    pub(super) notes: Vec<Note>,
 }
 
 /// How long rays took.
@@ -184,7 +184,7 @@ struct View {
     /// Rays of which the tracer says that they hit something, or nothing, depending on how it is asked.
     contradictions: u64,
     built: Option<Built>,
-    notes: Vec<String>,
+    opaque_textures: Option<OpaqueTextures>,
 }
 
 impl View {
@@ -199,7 +199,13 @@ impl View {
             }
             Ok(hits)
         })?;
-        Ok(View { device: tracer.device(), closest, contradictions, built: tracer.built(), notes: tracer.notes() })
+        Ok(View {
+            device: tracer.device(),
+            closest,
+            contradictions,
+            built: tracer.built(),
+            opaque_textures: tracer.opaque_textures(),
+        })
     }
 }
 
@@ -210,9 +216,8 @@ fn seen(rays: &Rays, views: Sides<View>, timed: Timed, compare: impl Compare) ->
         tally.add(compare(kind, rays, Sides { before: &before.closest[kind], after: &after.closest[kind] }));
     }
     tally.tracer_faults += before.contradictions + after.contradictions;
-    let notes = [("input", before.notes), ("output", after.notes)];
-    let notes = notes.into_iter().flat_map(|(of, notes)| notes.into_iter().map(move |note| format!("{of}: {note}")));
-    let notes = notes.collect();
+    let opaque = [(Side::Before, before.opaque_textures), (Side::After, after.opaque_textures)];
+    let notes = opaque.into_iter().filter_map(|(side, textures)| Some(Note::OpaqueTextures(side, textures?))).collect();
     let structures = before.built.zip(after.built).map(|(before, after)| Structures::of(&Sides { before, after }));
     Seen { device: before.device, view: rays.view.clone(), tally, timed, structures, notes }
 }

@@ -13,17 +13,15 @@
 //! A hit's distance must be right within what the slack can do to it ([`window`](super::approach::Approach::window)).
 //! A tie is a triangle at the distance of the true hit, within the same bounds.
 
-use std::fmt;
-
 use serde::Serialize;
 
 use super::build::Structures;
 use super::compare::{Histogram, Tally};
 use super::speed::KindSpeed;
-use super::structure::Structure;
+use super::structure::{Fault, Structure};
 use super::tracing::Seen;
 use super::weights::Weights;
-use super::{PerKind, Sides, VerifyOptions};
+use super::{Failure, FaultKind, Note, PerKind, Sides, VerifyOptions};
 
 /// What verifying a file found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -70,30 +68,17 @@ pub struct Verification {
     /// The exact comparison; `None` where only surfaces were compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub structure: Option<Structure>,
-    /// Why the file fails, in words; empty if it passes.
-    pub failures: Vec<String>,
+    /// Why the file fails; empty if it passes.
+    pub failures: Vec<Failure>,
     /// What was done otherwise than asked, such as tracing on the CPU; for the report's own notes.
     #[serde(skip)]
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
 }
 
 impl Verification {
     /// Whether the output shows what the input shows.
     pub fn passed(&self) -> bool {
         self.failures.is_empty()
-    }
-}
-
-impl fmt::Display for Verification {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        if self.passed() {
-            match &self.structure {
-                Some(structure) => write!(f, "{} triangles and {} rays agree", structure.triangles_after, self.rays),
-                None => write!(f, "{} rays agree", self.rays),
-            }
-        } else {
-            f.write_str(&self.failures.join("; "))
-        }
     }
 }
 
@@ -127,29 +112,24 @@ pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOp
     }
 }
 
-fn structure_failures(structure: &Structure, options: &VerifyOptions) -> Vec<String> {
-    let mut failures: Vec<String> = structure
-        .faults()
-        .into_iter()
-        .filter(|(_, fault)| fault.count > 0)
-        .map(|(what, fault)| match (&fault.first, fault.count) {
-            (Some(first), 1) => format!("1 triangle {what}: {first}"),
-            (Some(first), n) => format!("{n} triangles {what}, the first {first}"),
-            (None, n) => format!("{n} triangles {what}"),
-        })
-        .collect();
+fn structure_failures(structure: &Structure, options: &VerifyOptions) -> Vec<Failure> {
+    let of_kind = |(fault, found): (FaultKind, &Fault)| Failure::Triangles {
+        fault,
+        count: found.count,
+        first: found.first.clone(),
+    };
+    let faults = structure.faults().into_iter().filter(|(_, found)| found.count > 0);
+    let mut failures: Vec<Failure> = faults.map(of_kind).collect();
     if structure.moved.count > 0 {
-        failures.push(format!(
-            "a corner lies {:.3e} of the scene's diagonal from its place, {:.3e} allowed",
-            structure.position_error_ratio, options.max_position_error_ratio
-        ));
+        let (position_error_ratio, allowed) = (structure.position_error_ratio, options.max_position_error_ratio);
+        failures.push(Failure::Moved { position_error_ratio, allowed });
     }
     failures
 }
 
-fn ray_failure(tally: &Tally) -> Option<String> {
-    let Tally { mismatches, rays, examples, .. } = tally;
-    (*mismatches > 0).then(|| format!("{mismatches} of {rays} rays see something else: {}", examples.join("; ")))
+fn ray_failure(tally: &Tally) -> Option<Failure> {
+    let Tally { mismatches, rays, .. } = *tally;
+    (mismatches > 0).then(|| Failure::Rays { mismatches, rays, examples: tally.examples.clone() })
 }
 
 /// What came of a bake.

@@ -14,8 +14,8 @@ use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::Layout;
 use crate::report::Pass;
+use crate::report::words::{bytes, counted};
 use crate::scene::{InstanceId, Scene};
-use crate::words::{bytes, counted};
 
 /// Whether copies are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -165,7 +165,7 @@ pub fn bake(
             words_of(&chosen.layout.notes),
             words_of(&chosen.notes),
             written.notes(),
-            verification.notes.clone(),
+            words_of(&verification.notes),
             profiles,
         ]
         .concat(),

@@ -9,9 +9,9 @@ use glam::DVec3;
 
 use super::name_of;
 use crate::cost::bytes;
+use crate::report::words::{bytes as size, counted, grouped};
 use crate::report::{Finding, OverlappingPair, Severity};
 use crate::scene::{Bounds, Mesh, Scene};
-use crate::words::{bytes as size, counted, grouped};
 
 /// A pair is worth a finding when its overlap over the scene's area exceeds this (the thesis's skip threshold).
 const OVERLAP_RATIO: f64 = 0.005;

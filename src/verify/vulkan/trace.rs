@@ -14,8 +14,8 @@ use super::memory::{Buffer, Purpose};
 use super::pipeline::{HITS, Pipeline, TIMING};
 use super::transfer::{Uploader, download};
 use crate::scene::Scene;
-use crate::verify::Hit;
 use crate::verify::rays::Ray;
+use crate::verify::{Hit, OpaqueTextures};
 
 /// Number of rays in one buffer, which takes 256 MiB.
 const RAYS_PER_PART: usize = 1 << 23;
@@ -173,9 +173,9 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         Ok(traced)
     }
 
-    /// Describes the textures of alpha-tested materials that are treated as opaque, and why.
-    pub fn notes(&self) -> &[String] {
-        &self.alpha.notes
+    /// Returns the textures of alpha-tested materials that are treated as opaque, and why.
+    pub fn opaque_textures(&self) -> Option<&OpaqueTextures> {
+        self.alpha.opaque.as_ref()
     }
 
     /// Returns the time the device takes to trace all rays once, in milliseconds. Unlike [`VulkanTracer::trace`], rays

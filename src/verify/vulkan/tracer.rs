@@ -4,7 +4,7 @@ use super::Error;
 use super::trace::{RayBuffer, VulkanTracer};
 use crate::verify::build::Built;
 use crate::verify::rays::{Ray, RayKind};
-use crate::verify::{Hit, Pace, Tracer};
+use crate::verify::{Hit, OpaqueTextures, Pace, Tracer};
 
 /// Number of rays per kind that keeps a GPU busy: four per pixel of a 1280 x 720 image.
 const BUSY: u32 = 4 * 1280 * 720;
@@ -45,8 +45,8 @@ impl<'d> Tracer for VulkanTracer<'_, 'd> {
         Ok(self.time(rays, kind == RayKind::Shadow)? * 1e-3)
     }
 
-    fn notes(&self) -> Vec<String> {
-        VulkanTracer::notes(self).to_vec()
+    fn opaque_textures(&self) -> Option<OpaqueTextures> {
+        VulkanTracer::opaque_textures(self).cloned()
     }
 
     fn built(&self) -> Option<Built> {

@@ -11,6 +11,7 @@ use super::interface::AlphaGeometry;
 use super::memory::{Buffer, Packing, Purpose};
 use super::transfer::Uploader;
 use crate::scene::{AlphaTest, AlphaTexture, Geometry, Scene, Wrap};
+use crate::verify::OpaqueTextures;
 
 pub(super) use textures::Textures;
 use textures::{Found, Texture};
@@ -28,8 +29,8 @@ pub(super) struct AlphaTests<'d> {
     pub(super) geometries: u64,
     /// Address of the list of the first geometry of each TLAS entry.
     pub(super) first_geometries: u64,
-    /// Notes on images that could not be loaded.
-    pub(super) notes: Vec<String>,
+    /// Images that could not be loaded.
+    pub(super) opaque: Option<OpaqueTextures>,
 }
 
 impl<'d> AlphaTests<'d> {
@@ -56,8 +57,8 @@ impl<'d> AlphaTests<'d> {
         let lists: [&[u8]; 2] = [bytemuck::cast_slice(&tests), bytemuck::cast_slice(&firsts)];
         let (more, addresses) = upload(device, "alpha tests", &lists)?;
         buffers.extend(more);
-        let notes = notes(scene, &found);
-        Ok(AlphaTests { _buffers: buffers, geometries: addresses[0], first_geometries: addresses[1], notes })
+        let opaque = opaque(scene, &found);
+        Ok(AlphaTests { _buffers: buffers, geometries: addresses[0], first_geometries: addresses[1], opaque })
     }
 }
 
@@ -104,16 +105,11 @@ fn upload<'d>(device: &'d Device, what: &str, arrays: &[&[u8]]) -> Result<(Vec<B
     Ok((buffers, addresses))
 }
 
-/// Returns one note covering all images that could not be loaded.
-fn notes(scene: &Scene, found: &[Found]) -> Vec<String> {
+/// Returns the images that could not be loaded.
+fn opaque(scene: &Scene, found: &[Found]) -> Option<OpaqueTextures> {
     let missing: Vec<String> = (scene.images.iter().zip(found))
         .filter_map(|(image, found)| Some(format!("{}: {}", image.name, found.as_ref().err()?)))
         .collect();
-    let more = match missing.len() {
-        0 => return Vec::new(),
-        n if n > NAMED => format!("; and {} more", n - NAMED),
-        _ => String::new(),
-    };
-    let named = missing[..missing.len().min(NAMED)].join("; ");
-    vec![format!("timed rays take these textures of alpha-tested materials for opaque: {named}{more}")]
+    let named = missing[..missing.len().min(NAMED)].to_vec();
+    (!missing.is_empty()).then(|| OpaqueTextures { more: missing.len() - named.len(), named })
 }

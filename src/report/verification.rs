@@ -1,0 +1,105 @@
+//! What a verification found and what it did otherwise than asked, in words.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::{Serialize, Serializer};
+
+use crate::verify::{Failure, FaultKind, Note, OpaqueTextures, Side, Verification, WhyCpu};
+
+impl Display for Verification {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match &self.structure {
+            _ if !self.passed() => {
+                let failures: Vec<String> = self.failures.iter().map(ToString::to_string).collect();
+                f.write_str(&failures.join("; "))
+            }
+            Some(structure) => write!(f, "{} triangles and {} rays agree", structure.triangles_after, self.rays),
+            None => write!(f, "{} rays agree", self.rays),
+        }
+    }
+}
+
+impl Serialize for Failure {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl Display for Failure {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self {
+            Failure::Triangles { fault, count, first } => match (first, count) {
+                (Some(first), 1) => write!(f, "1 triangle {fault}: {first}"),
+                (Some(first), n) => write!(f, "{n} triangles {fault}, the first {first}"),
+                (None, n) => write!(f, "{n} triangles {fault}"),
+            },
+            Failure::Moved { position_error_ratio, allowed } => write!(
+                f,
+                "a corner lies {position_error_ratio:.3e} of the scene's diagonal from its place, {allowed:.3e} allowed"
+            ),
+            Failure::Rays { mismatches, rays, examples } => {
+                write!(f, "{mismatches} of {rays} rays see something else: {}", examples.join("; "))
+            }
+        }
+    }
+}
+
+impl Display for FaultKind {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        f.write_str(match self {
+            FaultKind::Missing => "missing",
+            FaultKind::Repeated => "repeated",
+            FaultKind::Unknown => "unknown",
+            FaultKind::WrongMaterial => "of another material",
+            FaultKind::Flipped => "flipped",
+            FaultKind::Moved => "moved",
+        })
+    }
+}
+
+impl Display for Note {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self {
+            Note::OnCpu(why) => write!(f, "rays are traced on the CPU: {why}"),
+            Note::NotInTurns(why) => write!(
+                f,
+                "the structures of input and output were built and timed one after the other, not in turns: {why}; \
+                 speeds may have drifted in between by more than the spread"
+            ),
+            Note::ByLook => {
+                f.write_str("not every material has a name in both files: materials are matched by their look")
+            }
+            Note::OpaqueTextures(side, textures) => {
+                let file = match side {
+                    Side::Before => "input",
+                    Side::After => "output",
+                };
+                write!(f, "{file}: {textures}")
+            }
+        }
+    }
+}
+
+impl Display for WhyCpu {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self {
+            WhyCpu::Failed(why) => f.write_str(why),
+            WhyCpu::NoDevice => f.write_str("no Vulkan device can trace rays"),
+            WhyCpu::OnlySoftware(drivers) => {
+                let drivers: Vec<String> = drivers.iter().map(|name| format!("`{name}`")).collect();
+                write!(f, "no Vulkan device but the software driver {} can trace rays", drivers.join(", "))
+            }
+        }
+    }
+}
+
+impl Display for OpaqueTextures {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        let more = match self.more {
+            0 => String::new(),
+            n => format!("; and {n} more"),
+        };
+        let named = self.named.join("; ");
+        write!(f, "timed rays take these textures of alpha-tested materials for opaque: {named}{more}")
+    }
+}
