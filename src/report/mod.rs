@@ -3,6 +3,7 @@
 pub mod candidates;
 mod choice;
 mod devices;
+mod findings;
 pub mod json;
 pub(crate) mod notes;
 mod passes;
@@ -13,6 +14,8 @@ mod verification;
 pub(crate) mod words;
 
 pub use devices::{Device, DeviceLimits, DevicesReport};
+pub(crate) use findings::Broken;
+pub use findings::{Finding, Severity};
 pub use passes::Pass;
 pub use told::{Speed, Told};
 
@@ -237,32 +240,6 @@ pub struct OverlappingPair {
     pub b: String,
     /// Surface area of the intersection of their boxes over that of the scene's box.
     pub overlap_ratio: f64,
-}
-
-/// A vendor rule that a scene breaks.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[non_exhaustive]
-pub struct Finding {
-    /// Id of the rule, such as `RK001`.
-    pub rule: &'static str,
-    /// How much it matters.
-    pub severity: Severity,
-    /// The object at fault, or empty for the whole scene.
-    pub object: String,
-    /// What is wrong, in words.
-    pub message: String,
-}
-
-/// How much a finding matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Severity {
-    /// Worth knowing.
-    Info,
-    /// Costs speed or memory.
-    Warning,
-    /// A device refuses or ignores it.
-    Error,
 }
 
 impl From<Selection> for MethodReport {

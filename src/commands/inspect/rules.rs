@@ -9,8 +9,7 @@ use glam::DVec3;
 
 use super::name_of;
 use crate::cost::bytes;
-use crate::report::words::{bytes as size, counted, grouped};
-use crate::report::{Finding, OverlappingPair, Severity};
+use crate::report::{Broken, Finding, OverlappingPair, Severity};
 use crate::scene::{Bounds, Mesh, Scene};
 
 /// A pair is worth a finding when its overlap over the scene's area exceeds this (the thesis's skip threshold).
@@ -40,17 +39,13 @@ pub(super) fn findings(scene: &Scene, boxes: &[Bounds], all: &Bounds, worst: &[O
     found
 }
 
-fn finding(rule: &'static str, severity: Severity, object: impl Into<String>, message: String) -> Finding {
-    Finding { rule, severity, object: object.into(), message }
-}
-
 fn overlapping(worst: &[OverlappingPair]) -> Vec<Finding> {
     worst
         .iter()
         .filter(|p| p.overlap_ratio > OVERLAP_RATIO)
         .map(|p| {
-            let message = format!("its box overlaps that of `{}` by {:.4} of the scene's area", p.b, p.overlap_ratio);
-            finding("RK001", Severity::Warning, &p.a, message)
+            let broken = Broken::Overlap { other: &p.b, ratio: p.overlap_ratio };
+            Finding::new("RK001", Severity::Warning, &p.a, &broken)
         })
         .collect()
 }
@@ -67,13 +62,8 @@ fn duplicates(scene: &Scene) -> Option<Finding> {
         copies += equal;
         saved += equal as u64 * bytes::blas(meshes[0].triangle_count() as u64);
     }
-    let repeat = if copies == 1 { "mesh repeats" } else { "meshes repeat" };
-    let message = format!(
-        "{} {repeat} another one exactly; sharing would save {} of BLASes",
-        grouped(copies as u64),
-        size(saved)
-    );
-    (copies > 0).then(|| finding("RK003", Severity::Warning, "", message))
+    let broken = Broken::Repeated { meshes: copies, saved_bytes: saved };
+    (copies > 0).then(|| Finding::new("RK003", Severity::Warning, "", &broken))
 }
 
 fn content_hash(mesh: &Mesh) -> u64 {
@@ -99,18 +89,15 @@ fn degenerate(mesh: &Mesh) -> Option<Finding> {
     };
     let count: usize =
         mesh.geometries.iter().map(|g| (0..g.triangles.len()).filter(|&t| flat(g.corners(t))).count()).sum();
-    let have = if count == 1 { "has" } else { "have" };
-    let message = format!("{} {have} no area", counted(count, "triangle"));
-    (count > 0).then(|| finding("RK008", Severity::Info, &mesh.name, message))
+    (count > 0).then(|| Finding::new("RK008", Severity::Info, &mesh.name, &Broken::NoArea { triangles: count }))
 }
 
 fn limits(scene: &Scene) -> Vec<Finding> {
     let instances = scene.instances.len();
     let geometries = scene.meshes.iter().map(|m| m.geometries.len()).max().unwrap_or(0);
     let triangles = scene.meshes.iter().map(Mesh::triangle_count).max().unwrap_or(0);
-    let over = |rule, severity, count: usize, most: usize, what: &str| {
-        let message = format!("{} {what}; at most {} are advised", grouped(count as u64), grouped(most as u64));
-        (count > most).then(|| finding(rule, severity, "", message))
+    let over = |rule, severity, count: usize, most: usize, what: &'static str| {
+        (count > most).then(|| Finding::new(rule, severity, "", &Broken::TooMany { count, what, most }))
     };
     [
         over("RK010", Severity::Error, instances, MOST_INSTANCES, "instances"),
@@ -132,14 +119,8 @@ fn loose_transforms(scene: &Scene) -> Option<Finding> {
     };
     let loose = || scene.instances.iter().filter(|i| stretch(i.transform.matrix3) > LOOSE_SCALE);
     let first = loose().next()?;
-    let message = match loose().count() {
-        1 => format!("stretched or sheared more than {LOOSE_SCALE}:1, which makes its box loose"),
-        n => format!(
-            "{} are stretched or sheared more than {LOOSE_SCALE}:1, which makes their boxes loose; this is the first",
-            counted(n, "instance")
-        ),
-    };
-    Some(finding("RK013", Severity::Info, name_of(first), message))
+    let broken = Broken::Loose { instances: loose().count(), factor: LOOSE_SCALE };
+    Some(Finding::new("RK013", Severity::Info, name_of(first), &broken))
 }
 
 /// The smallest and largest singular value of a matrix: roots of the eigenvalues of its Gram matrix, in closed form
@@ -161,22 +142,15 @@ fn singular_range(m: &glam::DMat3) -> (f64, f64) {
 
 fn far_from_origin(all: &Bounds) -> Option<Finding> {
     let farthest = all.min.abs().max(all.max.abs()).max_element();
-    let message =
-        format!("coordinates reach {farthest:.3e}; beyond {LARGEST_COORDINATE:.0e} single precision is coarse");
-    (farthest > LARGEST_COORDINATE).then(|| finding("RK015", Severity::Warning, "", message))
+    let broken = Broken::Far { farthest, most: LARGEST_COORDINATE };
+    (farthest > LARGEST_COORDINATE).then(|| Finding::new("RK015", Severity::Warning, "", &broken))
 }
 
 fn tiny(scene: &Scene, boxes: &[Bounds]) -> Option<Finding> {
     let tiny = || scene.instances.iter().zip(boxes).filter(|(_, b)| b.size().max_element() < SMALLEST_EXTENT);
     let (first, _) = tiny().next()?;
-    let message = match tiny().count() {
-        1 => format!("smaller than {SMALLEST_EXTENT} units: merge or drop it"),
-        n => format!(
-            "{} are smaller than {SMALLEST_EXTENT} units: merge or drop them; this is the first",
-            counted(n, "instance")
-        ),
-    };
-    Some(finding("RK016", Severity::Info, name_of(first), message))
+    let broken = Broken::Tiny { instances: tiny().count(), least: SMALLEST_EXTENT };
+    Some(Finding::new("RK016", Severity::Info, name_of(first), &broken))
 }
 
 #[cfg(test)]
