@@ -7,7 +7,8 @@ use raykiln_formats::Error;
 use raykiln_formats::document::Staged;
 use raykiln_formats::staging::Folder;
 
-use super::bake::{BakeError, BakeOptions, Baked, bake as stage};
+use super::CommandError;
+use super::bake::{BakeOptions, Baked, bake as stage};
 use super::inspect::inspect as look;
 use super::source::Source;
 use super::verify::{MatchBy, compare};
@@ -20,7 +21,11 @@ use crate::verify::VerifyOptions;
 ///
 /// # Errors
 /// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
-pub fn bake(input: impl AsRef<Path>, output: impl AsRef<Path>, options: &BakeOptions) -> Result<BakeReport, BakeError> {
+pub fn bake(
+    input: impl AsRef<Path>,
+    output: impl AsRef<Path>,
+    options: &BakeOptions,
+) -> Result<BakeReport, CommandError> {
     let Baked { report, output } = staged(input.as_ref().into(), output.as_ref(), options)?;
     output.map(Staged::commit).transpose()?;
     Ok(report)
@@ -46,7 +51,7 @@ pub fn bake_bytes(
     name: impl AsRef<Path>,
     bytes: impl Into<Vec<u8>>,
     options: &BakeOptions,
-) -> Result<BakedBytes, BakeError> {
+) -> Result<BakedBytes, CommandError> {
     let temporary = env::temp_dir();
     let folder = Folder::new_in(&temporary).map_err(|e| Error::io(&temporary, "", &e))?;
     let source = Source::Bytes { name: name.as_ref().to_owned(), bytes: bytes.into() };
@@ -87,12 +92,12 @@ pub fn verify(
     after: impl AsRef<Path>,
     by: MatchBy,
     options: &VerifyOptions,
-) -> Result<VerifyReport, BakeError> {
+) -> Result<VerifyReport, CommandError> {
     let (before, after) = (before.as_ref(), after.as_ref());
     in_pool(|| compare(before, after, by, options))
 }
 
-fn staged(source: Source, output: &Path, options: &BakeOptions) -> Result<Baked, BakeError> {
+fn staged(source: Source, output: &Path, options: &BakeOptions) -> Result<Baked, CommandError> {
     in_pool(|| stage(source, output, options, &mut |_| {}))
 }
 

@@ -2,7 +2,10 @@
 
 pub mod bake;
 pub mod calls;
+mod error;
 pub mod inspect;
 mod measure;
 pub mod source;
 pub mod verify;
+
+pub use error::CommandError;

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::time::Instant;
 
-use crate::commands::bake::BakeError;
+use crate::commands::CommandError;
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::report::notes::AboutMatching;
-use crate::report::{self, Input, Speed, VerifyReport};
+use crate::report::{Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::identity::Identity;
 use crate::verify::verdict;
@@ -28,7 +28,12 @@ pub enum MatchBy {
 ///
 /// # Errors
 /// A file that cannot be read; a device named that cannot trace.
-pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions) -> Result<VerifyReport, BakeError> {
+pub fn compare(
+    before: &Path,
+    after: &Path,
+    by: MatchBy,
+    options: &VerifyOptions,
+) -> Result<VerifyReport, CommandError> {
     let start = Instant::now();
     let machine = Machine::open(&options.device)?;
     let (scene_before, warnings_before) = read(before)?;
@@ -47,7 +52,7 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
     let about_matching = note(by, matching, &scene_after, &verification).map(|about| about.to_string());
     let notes = verification.notes.iter().map(ToString::to_string).chain(about_matching).chain(profiles).collect();
     Ok(VerifyReport {
-        schema: report::SCHEMA,
+        schema: VerifyReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(before.to_owned(), &scene_before),
         output: after.to_owned(),
@@ -65,10 +70,10 @@ pub fn compare(before: &Path, after: &Path, by: MatchBy, options: &VerifyOptions
 }
 
 /// A file as a scene, and what the reader mended or left out.
-pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), BakeError> {
+pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
     let doc = raykiln_formats::read(path)?;
     let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
-    scene.check().map_err(|e| BakeError::Internal(e.0))?;
+    scene.check().map_err(|e| CommandError::Internal(e.0))?;
     let words = doc.warnings.iter().chain(&warnings).map(|w| format!("{}: {w}", path.display())).collect();
     Ok((scene, words))
 }

@@ -2,12 +2,10 @@
 
 use serde::Serialize;
 
-use super::SCHEMA;
-
 /// The devices of this machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct DevicesReport {
-    /// [`SCHEMA`].
+    /// [`DevicesReport::SCHEMA`].
     pub schema: &'static str,
     /// Version of the program.
     pub raykiln_version: &'static str,
@@ -61,6 +59,9 @@ pub struct DeviceLimits {
 }
 
 impl DevicesReport {
+    /// Identifies its JSON form: see `docs/schemas`.
+    pub const SCHEMA: &str = "raykiln.devices/1";
+
     /// Of the devices of this machine.
     pub fn of_this_machine() -> DevicesReport {
         let (devices, note) = match Self::list() {
@@ -68,7 +69,7 @@ impl DevicesReport {
             Ok(devices) => (devices, None),
             Err(why) => (Vec::new(), Some(why)),
         };
-        DevicesReport { schema: SCHEMA, raykiln_version: env!("CARGO_PKG_VERSION"), devices, note }
+        DevicesReport { schema: Self::SCHEMA, raykiln_version: env!("CARGO_PKG_VERSION"), devices, note }
     }
 
     #[cfg(feature = "vulkan")]

@@ -33,14 +33,11 @@ use crate::scene::Scene;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Matching, Verification};
 
-/// Identifies the JSON form of [`BakeReport`].
-pub const SCHEMA: &str = "raykiln.report/1";
-
 /// What a bake did. Times are seconds, sizes bytes, ratios plain quotients.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct BakeReport {
-    /// [`SCHEMA`].
+    /// [`BakeReport::SCHEMA`].
     pub schema: &'static str,
     /// Version of the program.
     pub raykiln_version: &'static str,
@@ -177,7 +174,7 @@ pub struct Seconds {
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct VerifyReport {
-    /// [`SCHEMA`].
+    /// [`VerifyReport::SCHEMA`].
     pub schema: &'static str,
     /// Version of the program.
     pub raykiln_version: &'static str,
@@ -212,7 +209,7 @@ pub struct VerifyReport {
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct InspectReport {
-    /// [`SCHEMA`].
+    /// [`InspectReport::SCHEMA`].
     pub schema: &'static str,
     /// Version of the program.
     pub raykiln_version: &'static str,
@@ -271,6 +268,21 @@ impl From<CandidateResult> for Candidate {
             brief: result.brief,
         }
     }
+}
+
+impl BakeReport {
+    /// Identifies its JSON form: see `docs/schemas`.
+    pub const SCHEMA: &str = "raykiln.bake/1";
+}
+
+impl VerifyReport {
+    /// Identifies its JSON form: see `docs/schemas`.
+    pub const SCHEMA: &str = "raykiln.verify/1";
+}
+
+impl InspectReport {
+    /// Identifies its JSON form: see `docs/schemas`.
+    pub const SCHEMA: &str = "raykiln.inspect/1";
 }
 
 impl MethodReport {

@@ -93,7 +93,7 @@ fn the_json_report_has_the_promised_keys() {
     let (ran, _folder) = bake_heaps(&["--json", "--method", "overlap"]);
     assert_eq!(ran.status, 0, "{}", ran.stderr);
     let report = ran.json();
-    assert_eq!(report["schema"], "raykiln.report/1");
+    assert_eq!(report["schema"], "raykiln.bake/1");
     assert_eq!(report["raykiln_version"], env!("CARGO_PKG_VERSION"));
     assert_keys(&report, "input", "path triangles vertices objects materials nodes instances pinned_instances");
     for side in ["before", "after"] {

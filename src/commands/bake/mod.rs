@@ -14,6 +14,7 @@ use raykiln_formats::Document;
 use raykiln_formats::document::{self, Staged};
 
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
+use crate::commands::CommandError;
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::commands::source::Source;
 use crate::cost::mesh_trees::MeshTrees;
@@ -22,7 +23,7 @@ use crate::layout::Layout;
 use crate::report::{self, BakeReport, Input, MethodReport, Pass, Seconds, Speed, Told};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
-use crate::verify::{DeviceError, Machine, Sides, Verification, VerifyOptions};
+use crate::verify::{Machine, Sides, Verification, VerifyOptions};
 use clock::Clock;
 
 /// What a bake may be told.
@@ -80,21 +81,6 @@ impl BakeOptions {
     }
 }
 
-/// Why a bake came to nothing.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum BakeError {
-    /// The input cannot be read, or the output cannot be written.
-    #[error(transparent)]
-    File(#[from] raykiln_formats::Error),
-    /// The device named to verify on cannot do it.
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-    /// Raykiln made something it must not make.
-    #[error("internal error, please report it: {0}")]
-    Internal(String),
-}
-
 /// What a bake came to.
 #[derive(Debug)]
 pub struct Baked {
@@ -114,7 +100,7 @@ pub fn bake(
     output: &Path,
     options: &BakeOptions,
     progress: &mut dyn FnMut(Stage),
-) -> Result<Baked, BakeError> {
+) -> Result<Baked, CommandError> {
     document::check_output(output)?;
     let mut clock = Clock::start(progress);
     clock.enter(Stage::Verify);
@@ -122,7 +108,7 @@ pub fn bake(
     clock.enter(Stage::Read);
     let mut doc = input.read()?;
     let (mut scene, scene_warnings) = scene::load(&doc, &options.load)?;
-    scene.check().map_err(|e| BakeError::Internal(e.0))?;
+    scene.check().map_err(|e| CommandError::Internal(e.0))?;
 
     clock.enter(Stage::Analyse);
     let blas_per = options.verify.build.blas_per;
@@ -148,7 +134,7 @@ pub fn bake(
         Sides { before: &before, after: &after },
     );
     let mut report = BakeReport {
-        schema: report::SCHEMA,
+        schema: BakeReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(doc.path.clone(), &scene),
         output: output.to_owned(),
@@ -214,7 +200,7 @@ impl Tried {
         machine: &Machine,
         options: &BakeOptions,
         clock: &mut Clock,
-    ) -> Result<(Chosen, Tried), BakeError> {
+    ) -> Result<(Chosen, Tried), CommandError> {
         let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
         if tried.verdict != Verdict::NotFaster || !can_be_left_alone(&chosen) {
             return Ok((chosen, tried));
@@ -233,7 +219,7 @@ impl Tried {
         machine: &Machine,
         options: &BakeOptions,
         clock: &mut Clock,
-    ) -> Result<Tried, BakeError> {
+    ) -> Result<Tried, CommandError> {
         clock.enter(Stage::Write);
         let written = write(doc, scene, &chosen.layout, output, &options.emit())?;
         crate::copies::undo(scene);

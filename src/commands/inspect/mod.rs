@@ -5,7 +5,7 @@ mod rules;
 use crate::commands::measure::measure_as_is;
 use crate::commands::source::Source;
 use crate::cost::overlap::{self, Pair};
-use crate::report::{self, Input, InspectReport, OverlappingPair};
+use crate::report::{Input, InspectReport, OverlappingPair};
 use crate::scene::{self, Bounds, Instance, LoadOptions, Scene};
 
 /// Pairs that are listed.
@@ -23,7 +23,7 @@ pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, r
     let worst_pairs: Vec<OverlappingPair> =
         worst_pairs(&boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
     Ok(InspectReport {
-        schema: report::SCHEMA,
+        schema: InspectReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(doc.path.clone(), &scene),
         before: measure_as_is(&scene),

@@ -4,6 +4,7 @@ mod damage;
 mod expect;
 mod files;
 mod program;
+mod schema;
 mod surface;
 
 pub(crate) use damage::Opened;

@@ -1,5 +1,6 @@
 //! Running the program.
 
+use super::schema::assert_conforms;
 use raykiln::methods::Method;
 use serde_json::Value;
 use std::ffi::OsStr;
@@ -19,9 +20,12 @@ pub(crate) struct Ran {
 }
 
 impl Ran {
-    /// Standard output as JSON.
+    /// Standard output, which is a report.
     pub(crate) fn json(&self) -> Value {
-        serde_json::from_str(&self.stdout).unwrap_or_else(|e| panic!("stdout is no JSON: {e}\n{}", self.stdout))
+        let report = serde_json::from_str(&self.stdout);
+        let report = report.unwrap_or_else(|e| panic!("stdout is not JSON: {e}\n{}", self.stdout));
+        assert_conforms(&report);
+        report
     }
 }
 
