@@ -1,11 +1,11 @@
-//! What alpha-tested materials test: factor, texture and the images behind it.
+//! Inputs of the alpha test of a material: factor, texture and image.
 
 use std::path::{Path, PathBuf};
 
 pub use bytes::Bytes;
 use glam::DAffine2;
 
-/// What an alpha-tested material compares with its cutoff: the alpha of its texture, if it has one, times a factor.
+/// The alpha that a material compares with its cutoff: that of its texture, if it has one, times a factor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AlphaTest {
     /// Smallest alpha that counts as a hit.
@@ -16,35 +16,35 @@ pub struct AlphaTest {
     pub texture: Option<Texture>,
 }
 
-/// A texture as a material uses it.
+/// A texture as used by a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// Index into `images`.
     pub image: usize,
     /// The `n` of the attribute `TEXCOORD_n` that places it.
     pub texcoord: usize,
-    /// How coordinates beyond 0 to 1 are taken, by axis.
+    /// Treatment of coordinates outside 0 to 1, per axis.
     pub wrap: [Wrap; 2],
-    /// `KHR_texture_transform`: what a texture coordinate goes through first.
+    /// `KHR_texture_transform`: the transform applied to texture coordinates.
     pub transform: DAffine2,
 }
 
-/// How a texture goes on beyond its ends.
+/// Continuation of a texture outside 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
-    /// From the start.
+    /// Repeats the texture.
     #[default]
     Repeat,
-    /// With its last texel.
+    /// Repeats the last texel.
     Clamp,
-    /// Backwards, then from the start.
+    /// Repeats the texture, mirrored every other time.
     Mirror,
 }
 
-/// An image, encoded as in the file, and not read before it is asked for.
+/// An image, encoded as in the file, and read only on request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
-    /// Its place in the document and its file, if it is one.
+    /// Its place in the document, and its file name if it is a file.
     pub name: String,
     data: Data,
 }
@@ -52,19 +52,19 @@ pub struct Image {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Data {
     Bytes(Bytes),
-    /// A file, and where else it may be.
+    /// A file, and an alternative path.
     File(PathBuf, Option<PathBuf>),
-    /// Why there is none.
+    /// No image; holds the reason.
     Broken(String),
 }
 
 impl Image {
-    /// An image from its encoded bytes.
+    /// Creates an image from its encoded bytes.
     pub fn from_bytes(name: String, bytes: Bytes) -> Image {
         Image { name, data: Data::Bytes(bytes) }
     }
 
-    /// An image that cannot be had, and why.
+    /// Creates an image that cannot be read, with the reason.
     pub fn broken(name: String, reason: String) -> Image {
         Image { name, data: Data::Broken(reason) }
     }
@@ -73,18 +73,18 @@ impl Image {
         Image { name, data: Data::File(path, None) }
     }
 
-    /// Has the image looked for in the place it would have if the document, now in `from`, lay in the folder `to`;
-    /// to be used where no file is in its own place.
+    /// Adds an alternative path, used if the file does not exist: the one it would have if the document, now in `from`,
+    /// were in the folder `to`.
     pub fn also_look(&mut self, from: &Path, to: &Path) {
         if let Data::File(path, elsewhere) = &mut self.data {
             *elsewhere = path.strip_prefix(from).ok().map(|relative| to.join(relative));
         }
     }
 
-    /// The encoded bytes.
+    /// Returns the encoded bytes.
     ///
     /// # Errors
-    /// Why there are none, in words.
+    /// Describes why the image cannot be read.
     pub fn read(&self) -> Result<Bytes, String> {
         match &self.data {
             Data::Bytes(bytes) => Ok(bytes.clone()),

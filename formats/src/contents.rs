@@ -1,4 +1,4 @@
-//! [`Contents`]: the checked, typed view of a [`Document`](crate::Document) from which a scene is made.
+//! [`Contents`]: the checked, typed view of a [`Document`](crate::Document) that a scene is made from.
 
 use std::sync::Arc;
 
@@ -6,10 +6,10 @@ use glam::DAffine3;
 
 use crate::Warning;
 
-/// What the default scene of a document holds. Indices are those of the glTF file.
+/// Contents of the default scene of a document. Indices are those of the glTF file.
 #[derive(Clone, Debug, Default)]
 pub struct Contents {
-    /// All nodes of the file, also those outside the default scene.
+    /// All nodes of the file, including those outside the default scene.
     pub nodes: Vec<Node>,
     /// Root nodes of the default scene (`scene`, else the first scene, else all nodes without a parent).
     pub roots: Vec<usize>,
@@ -28,9 +28,9 @@ pub struct Contents {
 pub struct Node {
     /// `name`, if the file has one.
     pub name: Option<String>,
-    /// The node above; `None` at the root.
+    /// The parent node; `None` at the root.
     pub parent: Option<usize>,
-    /// The nodes below.
+    /// The child nodes.
     pub children: Vec<usize>,
     /// The mesh placed here.
     pub mesh: Option<usize>,
@@ -38,30 +38,30 @@ pub struct Node {
     pub skinned: bool,
     /// The camera placed here.
     pub camera: Option<usize>,
-    /// Parent from node. Finite; may be mirrored or singular.
+    /// Parent-from-node transform. Finite; may be mirrored or singular.
     pub local: DAffine3,
-    /// `EXT_mesh_gpu_instancing`: node from copy, one for each copy of the mesh; `None` without the extension.
+    /// `EXT_mesh_gpu_instancing`: the node-from-copy transform of each copy of the mesh; `None` without the extension.
     pub copies: Option<Vec<DAffine3>>,
-    /// Whether an animation moves this very node (its descendants move with it) or its morph weights.
+    /// Whether an animation moves the node itself (its descendants move with it) or changes its morph weights.
     pub animated: bool,
     /// Whether a scene other than the default one shows this node.
     pub in_other_scene: bool,
-    /// Extensions of the node whose meaning is not known here, so that it must stay as it is.
+    /// Unknown extensions of the node, because of which it must stay as it is.
     pub unknown_extensions: Vec<String>,
-    /// What the node stands for in the input, if an earlier bake recorded it.
+    /// The input node that this node represents, if an earlier bake recorded it.
     pub source: Option<NodeSource>,
-    /// What each copy stands for, where an earlier bake made one node of many; else empty.
+    /// The input node that each copy represents, if an earlier bake merged several nodes into one; otherwise empty.
     pub copy_sources: Vec<NodeSource>,
 }
 
-/// `extras.raykiln.source` of an output node: `{"node": n}`, of a node that places a copy of what `n` placed
-/// `{"node": n, "mesh": m, "runs": accessor}`. For the copies of one node that was made of many it is `{"nodes": accessor,
-/// "meshes": accessor, "runs": accessor}`, with a node, and if need be a mesh, for every copy.
+/// `extras.raykiln.source` of an output node: `{"node": n}`, or `{"node": n, "mesh": m, "runs": accessor}` for a node
+/// that places a copy of what `n` placed. A node merged from many has, for its copies, `{"nodes": accessor, "meshes":
+/// accessor, "runs": accessor}`, with a node and, if needed, a mesh for every copy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeSource {
     /// Node of the input.
     pub node: u32,
-    /// The mesh of the input of which a copy is placed; `None` where the triangles themselves say what they are.
+    /// The input mesh of which a copy is placed; `None` if the provenance of the triangles identifies it.
     pub copy_of: Option<CopyOf>,
 }
 
@@ -70,21 +70,21 @@ pub struct NodeSource {
 pub struct CopyOf {
     /// Mesh of the input.
     pub mesh: u32,
-    /// Which of its triangles each triangle of the copy is; `None` where both are in the same order.
+    /// The triangle of that mesh that each triangle of the copy represents; `None` if both have the same order.
     pub order: Option<Arc<TriangleOrder>>,
 }
 
-/// For each triangle of a mesh, counted through its primitives, a triangle of another mesh, counted likewise.
+/// Maps each triangle of a mesh, counted across its primitives, to a triangle of another mesh, counted likewise.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TriangleOrder {
     runs: Vec<[u32; 2]>,
-    /// The first triangle of each run, and their number.
+    /// The first triangle of each run, followed by the total number.
     starts: Vec<u64>,
 }
 
 impl TriangleOrder {
-    /// Of runs that follow each other: first triangle of the other mesh, number of triangles. `None` where a run
-    /// passes the largest number.
+    /// Creates the order from consecutive runs: first triangle of the other mesh, number of triangles. Returns `None`
+    /// if a run exceeds the largest number.
     pub fn new(runs: Vec<[u32; 2]>) -> Option<TriangleOrder> {
         let mut starts = Vec::with_capacity(runs.len() + 1);
         let mut next = 0;
@@ -97,7 +97,7 @@ impl TriangleOrder {
         Some(TriangleOrder { runs, starts })
     }
 
-    /// Of the triangles themselves; `None` where each is itself.
+    /// Creates the order from the triangles themselves; `None` if it is the identity.
     pub fn of(triangles: &[u32]) -> Option<TriangleOrder> {
         if (0..).zip(triangles).all(|(i, &t)| i == t) {
             return None;
@@ -112,12 +112,12 @@ impl TriangleOrder {
         TriangleOrder::new(runs)
     }
 
-    /// The runs.
+    /// Returns the runs.
     pub fn runs(&self) -> &[[u32; 2]] {
         &self.runs
     }
 
-    /// The triangle of the other mesh that `triangle` is; `None` beyond the last run.
+    /// Returns the triangle of the other mesh that `triangle` maps to; `None` beyond the last run.
     pub fn triangle(&self, triangle: u32) -> Option<u32> {
         let at = u64::from(triangle);
         let run = self.starts.partition_point(|&start| start <= at).checked_sub(1)?;
@@ -145,18 +145,18 @@ pub struct Primitive {
     pub triangles: Option<Triangles>,
     /// Whether it has morph targets.
     pub morphed: bool,
-    /// Primitives with equal keys (and equal materials) may be joined into one: same vertex attributes of the same
-    /// types (positions, normals and tangents count as 32-bit floats), same extensions and extras.
+    /// Primitives with equal keys (and equal materials) may be joined into one: they have the same vertex attributes of
+    /// the same types (positions, normals and tangents count as 32-bit floats), extensions and extras.
     pub merge_key: String,
-    /// Where the triangles came from, if an earlier bake recorded it.
+    /// Origin of the triangles, if an earlier bake recorded it.
     pub provenance: Option<Provenance>,
 }
 
-/// Provenance as `extras.raykiln` of an output primitive records it.
+/// Provenance as recorded in `extras.raykiln` of an output primitive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Provenance {
-    /// `{"source": {"mesh": m, "primitive": p}}`: triangle for triangle the input's primitive; the node is the one
-    /// that places it.
+    /// `{"source": {"mesh": m, "primitive": p}}`: the same triangles as the input's primitive; the node is the one that
+    /// places it.
     Same {
         /// Mesh in the input.
         mesh: u32,
@@ -165,19 +165,19 @@ pub enum Provenance {
     },
     /// `{"provenance": {"sources": [[node, copy, mesh, primitive], ...], "runs": accessor}}`.
     Runs {
-        /// Source primitives: node (`null` in the file, `None` here, where the placing node is meant), copy, mesh, primitive.
+        /// Source primitives: node (`null` in the file, `None` here, for the placing node), copy, mesh, primitive.
         sources: Vec<Source>,
-        /// Runs (index into `sources`, first source triangle, number of triangles), in the order of the output's triangles.
+        /// Runs (index into `sources`, first source triangle, number of triangles), in order of the output's triangles.
         runs: Vec<[u32; 3]>,
     },
 }
 
-/// A primitive of the input as a node of the input places it.
+/// A primitive of the input, as placed by a node of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Source {
-    /// Node of the input; `None`: the node that places the primitive in the output.
+    /// Node of the input; `None` for the node that places the primitive in the output.
     pub node: Option<u32>,
-    /// Copy within that node (`EXT_mesh_gpu_instancing`), else 0.
+    /// Copy within that node (`EXT_mesh_gpu_instancing`), otherwise 0.
     pub copy: u32,
     /// Mesh of the input.
     pub mesh: u32,
@@ -188,17 +188,16 @@ pub struct Source {
 /// The triangles of a primitive, in its own coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Triangles {
-    /// Vertex positions as stored (dequantised where the file quantises).
+    /// Vertex positions as stored (dequantised if the file quantises them).
     pub positions: Vec<[f32; 3]>,
     /// Vertices of each triangle, counter-clockwise seen from the front; strips and fans are unrolled. Every index
     /// is below `positions.len()` and every corner is finite.
     pub corners: Vec<[u32; 3]>,
-    /// For each triangle its index in the file; `None` if none was dropped. A triangle is dropped when a corner is
-    /// not finite.
+    /// Index in the file of each triangle; `None` if none was dropped. A triangle is dropped if a corner is not finite.
     pub kept: Option<Vec<u32>>,
 }
 
-/// How rays pass through a material.
+/// How a material lets rays pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Opacity {
     /// Every hit counts.
@@ -213,7 +212,7 @@ pub enum Opacity {
     Blend,
 }
 
-/// A glTF material, as far as tracing goes.
+/// The properties of a glTF material that matter to tracing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Material {
     /// `name`, if the file has one.
@@ -222,14 +221,14 @@ pub struct Material {
     pub opacity: Opacity,
     /// Whether back faces are shown.
     pub double_sided: bool,
-    /// Its colours and which textures it has.
+    /// Its colours, and which textures it has.
     pub look: Look,
-    /// The first material of the file that says the same in everything but name and extras, if that is an earlier one.
+    /// The first material of the file that equals this one except for name and extras, if it precedes this one.
     pub same_as: Option<usize>,
 }
 
-/// What a material says of its looks in the core properties of glTF; numbers are rounded to six significant digits, as
-/// tools write them.
+/// Appearance of a material in the core properties of glTF; numbers are rounded to six significant digits, as tools
+/// write them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
     /// `baseColorFactor`.
@@ -240,18 +239,18 @@ pub struct Look {
     pub roughness: f64,
     /// `emissiveFactor`.
     pub emissive: [f64; 3],
-    /// Whether there are textures of the base colour, of metallic and roughness, of normals, of occlusion, of emission.
+    /// Whether it has textures for base colour, metallic-roughness, normals, occlusion and emission.
     pub textures: [bool; 5],
 }
 
 impl Default for Look {
-    /// The default material's.
+    /// Returns the look of the default material.
     fn default() -> Look {
         Look { base_color: [1.0; 4], metallic: 1.0, roughness: 1.0, emissive: [0.0; 3], textures: [false; 5] }
     }
 }
 
-/// A glTF camera. Looks along its node's -z, y up.
+/// A glTF camera. It looks along its node's -z, with y up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Camera {
     /// Perspective.

@@ -1,4 +1,4 @@
-//! [`Document`]: what a scene file says, whole.
+//! [`Document`]: the complete contents of a scene file.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::alpha::{AlphaTest, Image};
 use crate::staging::Folder;
 use crate::{Contents, Error, ReadOptions, Warning};
 
-/// The kind of file a document was read from, or is written as.
+/// The kind of a scene file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Wavefront OBJ with MTL (read only).
@@ -32,13 +32,13 @@ pub struct Document {
     pub path: PathBuf,
     /// The kind of that file.
     pub kind: Kind,
-    /// What the reader mended or left out.
+    /// What the reader repaired or left out.
     pub warnings: Vec<Warning>,
     /// The bytes that the document was read from if they were in memory; it then refers to no file.
     pub in_memory: Option<Bytes>,
 }
 
-/// Component type of an accessor, with glTF's own numbers.
+/// Component type of an accessor, with the numbers of glTF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u32)]
 pub enum Component {
@@ -57,7 +57,7 @@ pub enum Component {
 }
 
 impl Component {
-    /// Bytes of one component.
+    /// Returns the size of one component in bytes.
     pub fn size(self) -> usize {
         match self {
             Component::I8 | Component::U8 => 1,
@@ -98,14 +98,14 @@ impl Component {
 pub struct Element {
     /// Component type.
     pub component: Component,
-    /// Components an element: 1 (SCALAR), 2, 3 or 4 (VECn). Matrices do not occur in vertex attributes.
+    /// Number of components per element: 1 (SCALAR), 2, 3 or 4 (VECn). Vertex attributes have no matrices.
     pub components: usize,
-    /// Whether integers stand for the range 0..1 or -1..1.
+    /// Whether integers represent the range 0..1 or -1..1.
     pub normalized: bool,
 }
 
 impl Element {
-    /// Bytes of one tightly packed element.
+    /// Returns the size of one tightly packed element in bytes.
     pub fn size(self) -> usize {
         self.component.size() * self.components
     }
@@ -124,8 +124,8 @@ impl Element {
     }
 }
 
-/// One vertex attribute of a primitive, readable at random: element `i` is
-/// `data[i * stride..][..element.size()]`. Sparse accessors are resolved.
+/// One vertex attribute of a primitive, with random access: element `i` is `data[i * stride..][..element.size()]`.
+/// Sparse accessors are resolved.
 #[derive(Clone, Debug)]
 pub struct Attribute<'a> {
     /// The attribute's semantic, such as `NORMAL` or `TEXCOORD_0`.
@@ -141,7 +141,7 @@ pub struct Attribute<'a> {
 }
 
 impl Attribute<'_> {
-    /// The bytes of an element.
+    /// Returns the bytes of an element.
     ///
     /// # Panics
     /// If there is no such element.
@@ -149,7 +149,7 @@ impl Attribute<'_> {
         &self.data[index as usize * self.stride..][..self.element.size()]
     }
 
-    /// The components of an element as numbers; missing ones are 0, a missing fourth is 1.
+    /// Returns the components of an element as numbers; missing ones are 0, except that a missing fourth is 1.
     ///
     /// # Panics
     /// If there is no such element.
@@ -164,7 +164,7 @@ impl Attribute<'_> {
 }
 
 impl Document {
-    /// The checked, typed view of this document's default scene.
+    /// Returns the checked, typed view of this document's default scene.
     ///
     /// # Errors
     /// Names the first place at which the document breaks a rule of glTF 2.0 that the view relies on: indices out
@@ -174,13 +174,13 @@ impl Document {
         crate::gltf::contents::contents(self, options)
     }
 
-    /// The vertex attributes of a primitive, in the order of the file. The document must have passed
+    /// Returns the vertex attributes of a primitive, in file order. The document must have passed
     /// [`Document::contents`].
     pub fn attributes(&self, mesh: usize, primitive: usize) -> Vec<Attribute<'_>> {
         crate::gltf::attributes::attributes(self, mesh, primitive)
     }
 
-    /// What an alpha-tested material tests. The document must have passed [`Document::contents`].
+    /// Returns the alpha test of a material. The document must have passed [`Document::contents`].
     ///
     /// # Errors
     /// Names the place at which textures break a rule of glTF 2.0.
@@ -188,20 +188,20 @@ impl Document {
         crate::gltf::alpha::alpha_test(self, material)
     }
 
-    /// The texture coordinates `TEXCOORD_set` of a primitive's vertices, as the file has them.
+    /// Returns the texture coordinates `TEXCOORD_set` of a primitive's vertices, as stored in the file.
     ///
     /// # Errors
-    /// There is no such attribute, or it is none.
+    /// Fails if the attribute is missing or invalid.
     pub fn texcoords(&self, mesh: usize, primitive: usize, set: usize) -> Result<Vec<[f32; 2]>, Error> {
         crate::gltf::alpha::texcoords(self, mesh, primitive, set)
     }
 
-    /// An image of the document. What is wrong with it, [`Image::read`] tells.
+    /// Returns an image of the document. If the image is invalid, [`Image::read`] fails.
     pub fn image(&self, index: usize) -> Image {
         crate::gltf::alpha::image(self, index)
     }
 
-    /// The unsigned integers of a SCALAR accessor, if there is such an accessor and it is sound.
+    /// Returns the unsigned integers of a SCALAR accessor, if it exists and is valid.
     pub fn scalars(&self, accessor: usize) -> Option<Vec<u32>> {
         crate::gltf::attributes::scalars(self, accessor)
     }
@@ -215,11 +215,11 @@ impl Document {
         crate::gltf::write::stage(self, out)
     }
 
-    /// Stages the input file byte for byte, with the files it refers to where `out` lies in another folder. Where
-    /// input and output differ in kind, this is [`Document::stage`].
+    /// Stages the input file byte for byte, with the files it refers to if `out` is in another folder. If input and
+    /// output differ in kind, this is [`Document::stage`].
     ///
     /// # Errors
-    /// As [`Document::stage`].
+    /// See [`Document::stage`].
     pub fn stage_unchanged(&self, out: &Path) -> Result<Staged, Error> {
         crate::gltf::write::stage_unchanged(self, out)
     }
@@ -227,7 +227,7 @@ impl Document {
 
 pub use crate::gltf::staged::Placed;
 
-/// Refuses an output that [`Document::stage`] could not write, before any work is done.
+/// Rejects an output that [`Document::stage`] could not write, before any work is done.
 ///
 /// # Errors
 /// An extension that is neither `.glb` nor `.gltf`; a folder that is missing or cannot be written to.
@@ -235,14 +235,14 @@ pub fn check_output(out: &Path) -> Result<(), Error> {
     crate::gltf::write::check(out)
 }
 
-/// Files written but not yet in place. Dropped without [`Staged::commit`], they vanish.
+/// Files written but not yet in place. They are removed if dropped without [`Staged::commit`].
 #[derive(Debug)]
 pub struct Staged {
     pub(crate) folder: Folder,
-    /// The folder of the final names.
+    /// The destination folder.
     pub(crate) target: PathBuf,
     /// Files in `folder`, each with its final path; the scene file itself comes last.
     pub(crate) files: Vec<(PathBuf, PathBuf)>,
-    /// What could not be carried along, such as images that are missing.
+    /// What could not be copied, such as missing images.
     pub warnings: Vec<Warning>,
 }

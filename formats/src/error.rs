@@ -24,9 +24,9 @@ pub enum ErrorKind {
 pub struct Error {
     /// The file at fault.
     pub file: PathBuf,
-    /// The place in the file, such as `accessors[3].byteOffset` or `line 12`; empty for the file as a whole.
+    /// The place in the file, such as `accessors[3].byteOffset` or `line 12`; empty for the whole file.
     pub place: String,
-    /// What is wrong there, in words.
+    /// Description of the problem.
     pub cause: String,
     /// What sort of error it is.
     pub kind: ErrorKind,
@@ -38,7 +38,7 @@ impl Error {
         Error { file: file.to_owned(), place: place.into(), cause: cause.to_string(), kind: ErrorKind::Invalid }
     }
 
-    /// An error of the file as a whole.
+    /// Creates an error of the whole file.
     pub fn whole(file: &Path, cause: impl fmt::Display) -> Self {
         Error::at(file, "", cause)
     }
@@ -63,7 +63,7 @@ impl Error {
     }
 }
 
-/// Something a reader mended or left out, worth telling the user once.
+/// Something that a reader repaired or left out, reported to the user once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
     /// The place in the file, as in [`Error::place`].

@@ -1,9 +1,9 @@
 //! Reads and writes OBJ and glTF for Raykiln.
 //!
-//! A [`Document`] is what the file says: the glTF JSON tree as it was written plus the bytes of its buffers.
-//! Whatever Raykiln does not understand stays in it untouched. An OBJ file becomes a `Document` too, so that the
-//! rest of the program knows one model; it is changed by the methods that [`edit`] adds. [`Contents`] is the checked, typed view of a `Document` from which a scene
-//! is made. This crate knows no GPU, no BVH and no cost.
+//! A [`Document`] holds the whole file: the glTF JSON tree as written plus the bytes of its buffers. Anything that
+//! Raykiln does not understand stays in it untouched. An OBJ file becomes a `Document` too, so that the rest of the
+//! program has one model; it is changed by the methods that [`edit`] adds. [`Contents`] is the checked, typed view of a
+//! `Document` that a scene is made from. This crate does not depend on GPUs, BVHs or cost models.
 //!
 //! From a path, and from bytes in memory:
 //!
@@ -45,11 +45,11 @@ use std::path::Path;
 
 use bytes::Bytes;
 
-/// How to treat what is doubtful in an input file.
+/// How to treat questionable data in an input file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ReadOptions {
-    /// Refuse non-finite positions, which are otherwise dropped with a warning.
+    /// Whether to reject non-finite positions, which are otherwise dropped with a warning.
     pub strict: bool,
 }
 
@@ -60,7 +60,7 @@ impl ReadOptions {
     }
 }
 
-/// Reads an OBJ (`.obj`), glTF (`.gltf`) or binary glTF (`.glb`) file, told apart by content and extension.
+/// Reads an OBJ (`.obj`), glTF (`.gltf`) or binary glTF (`.glb`) file, distinguished by content and extension.
 ///
 /// # Errors
 /// Returns an [`Error`] that names the file, the place in it and the cause; never panics on any input.
@@ -68,12 +68,12 @@ pub fn read(path: &Path) -> Result<Document, Error> {
     if obj::is_obj(path) { obj::read(path) } else { gltf::read::read(path) }
 }
 
-/// Reads the bytes of an OBJ, glTF or GLB file, told apart by content and by the extension of `name`, which errors name as
-/// the file. No file is read: buffers and images must be in the bytes themselves (GLB, data URIs); MTL files of an OBJ
-/// count as missing, which is a warning.
+/// Reads the bytes of an OBJ, glTF or GLB file, distinguished by content and by the extension of `name`, which errors
+/// report as the file. No file is read: the bytes must include buffers and images (GLB, data URIs); MTL files of an
+/// OBJ count as missing, which causes a warning.
 ///
 /// # Errors
-/// As [`read`]; also glTF that refers to another file.
+/// See [`read`]; also fails for glTF that refers to another file.
 pub fn read_bytes(name: impl AsRef<Path>, bytes: impl Into<Bytes>) -> Result<Document, Error> {
     let (name, bytes) = (name.as_ref(), bytes.into());
     if obj::is_obj(name) { obj::read_bytes(name, bytes) } else { gltf::read::read_bytes(name, bytes) }

@@ -1,7 +1,7 @@
-//! Hidden folders in which files are made beside their final places.
+//! Hidden folders in which files are created next to their final places.
 //!
-//! They vanish when they are dropped. A program that is told to end by a signal drops nothing: it can call
-//! [`remove_all`] first. This crate heeds no signals itself.
+//! They are removed when dropped. A program terminated by a signal drops nothing; it can call [`remove_all`] first.
+//! This crate does not handle signals itself.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -16,18 +16,18 @@ struct State {
 
 static STATE: Mutex<State> = Mutex::new(State { folders: BTreeSet::new(), holds: 0, ended: false });
 static CHANGED: Condvar = Condvar::new();
-/// How often a folder's removal is tried: somebody may be making a file in it.
+/// Number of attempts to remove a folder, in which another thread may be creating a file.
 const TRIES: usize = 10;
 
-/// A hidden folder; it and all that is in it are removed when it is dropped.
+/// A hidden folder; it is removed with all its contents when dropped.
 #[derive(Debug)]
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// Makes one within `parent`. Waits for ever after [`remove_all`].
+    /// Creates a folder within `parent`. Blocks forever after [`remove_all`].
     ///
     /// # Errors
-    /// `parent` is no folder, or cannot be written to.
+    /// Fails if `parent` is not a folder, or cannot be written to.
     pub fn new_in(parent: &Path) -> io::Result<Folder> {
         let mut state = state_before_end();
         let path = tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent)?.keep();
@@ -35,7 +35,7 @@ impl Folder {
         Ok(Folder(path))
     }
 
-    /// Where it is.
+    /// Returns its path.
     pub fn path(&self) -> &Path {
         &self.0
     }
@@ -48,12 +48,12 @@ impl Drop for Folder {
     }
 }
 
-/// While there is one, [`remove_all`] waits: for steps that belong together, such as renaming several files.
+/// While one exists, [`remove_all`] waits; used for steps that belong together, such as renaming several files.
 #[derive(Debug)]
 pub struct Hold(());
 
 impl Hold {
-    /// A new one. Waits for ever after [`remove_all`].
+    /// Creates a hold. Blocks forever after [`remove_all`].
     #[expect(clippy::new_without_default, reason = "it may wait")]
     pub fn new() -> Hold {
         state_before_end().holds += 1;
@@ -68,8 +68,8 @@ impl Drop for Hold {
     }
 }
 
-/// Removes the folders of all threads, once no [`Hold`] is left, for a program that ends: whoever makes another folder or
-/// takes hold after that waits for ever.
+/// Removes the folders of all threads once no [`Hold`] is left, for a program that is about to end: any thread that
+/// then creates a folder or a hold blocks forever.
 pub fn remove_all() {
     let held = |state: &mut State| state.holds > 0;
     let mut state = CHANGED.wait_while(state(), held).unwrap_or_else(PoisonError::into_inner);
@@ -87,7 +87,7 @@ fn state_before_end() -> MutexGuard<'static, State> {
     CHANGED.wait_while(state(), |state| state.ended).unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes a folder as far as the file system lets it.
+/// Removes a folder as far as the file system allows.
 fn remove(folder: &Path) {
     let gone = |removed: io::Result<()>| removed.is_ok() || !folder.exists();
     let _ = (0..TRIES).any(|_| gone(fs::remove_dir_all(folder)));

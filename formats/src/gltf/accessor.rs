@@ -9,45 +9,45 @@ use super::json::At;
 use crate::document::{Component, Element};
 use crate::{Document, Error};
 
-/// Elements an accessor without a buffer view may always have. Beyond it the zeros it stands for must not
-/// outnumber the bytes of the document, lest a few bytes of JSON fill the memory.
+/// Number of elements that an accessor without a buffer view may always have. Beyond it, its zeros must not outnumber
+/// the bytes of the document, so that a few bytes of JSON cannot exhaust memory.
 const MAX_ZEROS: usize = 1 << 16;
 
-/// An accessor whose every element lies within its buffer.
+/// An accessor whose elements all lie within its buffer.
 #[derive(Clone)]
 pub(crate) struct Accessor<'d> {
     /// `SCALAR`, `VEC3`, ...
     pub(super) kind: &'d str,
-    /// The type of its elements; of matrices the components without padding between columns.
+    /// The type of its elements; for matrices, their components without padding between columns.
     pub(super) element: Element,
     /// Number of elements.
     pub(super) count: usize,
     /// Bytes from one element to the next.
     pub(super) stride: usize,
-    /// From the first byte of the first element to the last of the last; `None` stands for zeros.
+    /// The bytes from the start of the first element to the end of the last; `None` represents zeros.
     data: Option<&'d [u8]>,
     sparse: Option<Sparse<'d>>,
     /// Its place in the file.
     pub(super) at: At<'d>,
 }
 
-/// Elements that replace those of the base.
+/// Elements that replace some of those in the base.
 #[derive(Clone)]
 struct Sparse<'d> {
     indices: Vec<u32>,
     values: &'d [u8],
 }
 
-/// Where a run of elements lies in a buffer view.
+/// A run of elements in a buffer view.
 struct Run {
     offset: usize,
     count: usize,
-    /// Bytes of an element.
+    /// Size of an element in bytes.
     size: usize,
 }
 
 impl<'d> Accessor<'d> {
-    /// Reads and checks the accessor that an index property names.
+    /// Reads and checks the accessor that an index property refers to.
     pub(super) fn referred(doc: &'d Document, index: &At<'d>) -> Result<Self, Error> {
         let number = index.index_into("accessors", At::root(doc).count("accessors"))?;
         Accessor::read(doc, number)
@@ -79,7 +79,7 @@ impl<'d> Accessor<'d> {
         Ok(Accessor { kind, element, count, stride, data, sparse, at })
     }
 
-    /// The bytes from the first element on, and the stride. Borrowed unless sparse or without a buffer view.
+    /// Returns the bytes from the first element on, and the stride. Borrowed unless sparse or without a buffer view.
     pub(super) fn bytes(&self) -> (Cow<'d, [u8]>, usize) {
         let size = element_size(self.kind, self.element);
         let mut all = match (self.data, &self.sparse) {
@@ -95,7 +95,7 @@ impl<'d> Accessor<'d> {
         (Cow::Owned(all), size)
     }
 
-    /// Bytes from the first byte of the first element to the last of the last; 0 without a buffer view.
+    /// Returns the number of bytes from the start of the first element to the end of the last; 0 without a buffer view.
     pub(super) fn stored_bytes(&self) -> usize {
         self.data.map_or(0, <[u8]>::len)
     }
@@ -105,7 +105,7 @@ impl<'d> Accessor<'d> {
         self.count * element_size(self.kind, self.element)
     }
 
-    /// The elements as unsigned integers, where this is a SCALAR accessor of them.
+    /// Returns the elements as unsigned integers, if this is a SCALAR accessor of them.
     pub(super) fn scalars(&self) -> Option<Vec<u32>> {
         if self.kind != "SCALAR" || self.element.normalized {
             return None;
@@ -114,7 +114,7 @@ impl<'d> Accessor<'d> {
         unsigned_integers(&bytes, stride, self.element.component)
     }
 
-    /// Vectors as 32-bit floats; integers are dequantised.
+    /// Returns vectors as 32-bit floats; integers are dequantised.
     pub(super) fn vectors_f32<const N: usize>(&self) -> Vec<[f32; N]> {
         let (bytes, stride) = self.bytes();
         if self.element.component == Component::F32 {
@@ -123,7 +123,7 @@ impl<'d> Accessor<'d> {
         self.decode(&bytes, stride).map(|v| v.map(|x| x as f32)).collect()
     }
 
-    /// Vectors as 64-bit floats; integers are dequantised.
+    /// Returns vectors as 64-bit floats; integers are dequantised.
     pub(super) fn vectors_f64<const N: usize>(&self) -> Vec<[f64; N]> {
         let (bytes, stride) = self.bytes();
         self.decode(&bytes, stride).collect()
@@ -142,7 +142,7 @@ impl<'d> Accessor<'d> {
     }
 }
 
-/// The type of an accessor's elements.
+/// Returns the type of an accessor's elements.
 fn element(at: &At<'_>, kind: &str) -> Result<Element, Error> {
     let component_at = at.need("componentType")?;
     let component = component_of(component_at.integer()?)
@@ -150,7 +150,7 @@ fn element(at: &At<'_>, kind: &str) -> Result<Element, Error> {
     let components =
         components_of(kind).ok_or_else(|| at.error_at("type", format_args!("there is no accessor type {kind}")))?;
     let normalized = at.get("normalized").is_some_and(|n| n.value == &Value::Bool(true));
-    // glTF allows the property for 8 and 16 bits only; of floats it says nothing.
+    // glTF allows the property for 8 and 16 bits only and does not mention floats.
     if normalized && component == Component::U32 {
         return Err(at.error_at("normalized", "32-bit integers cannot be normalized"));
     }
@@ -174,7 +174,7 @@ fn components_of(kind: &str) -> Option<usize> {
     })
 }
 
-/// Bytes of an element; matrix columns start at multiples of four bytes.
+/// Returns the size of an element in bytes; matrix columns start at multiples of four bytes.
 fn element_size(kind: &str, element: Element) -> usize {
     let columns = match kind {
         "MAT2" => 2,
@@ -185,8 +185,8 @@ fn element_size(kind: &str, element: Element) -> usize {
     columns * (columns * element.component.size()).next_multiple_of(4)
 }
 
-/// The bytes of a run of elements in the buffer view that an index property names, and their stride. `owner` is
-/// blamed when the run does not fit.
+/// Returns the bytes of a run of elements in the buffer view that an index property refers to, and their stride. The
+/// error is reported at `owner` if the run does not fit.
 fn view_data<'d>(doc: &'d Document, index: &At<'d>, owner: &At<'d>, run: Run) -> Result<(&'d [u8], usize), Error> {
     let root = At::root(doc);
     let number = index.index_into("bufferViews", root.count("bufferViews"))?;
@@ -216,13 +216,13 @@ fn view_data<'d>(doc: &'d Document, index: &At<'d>, owner: &At<'d>, run: Run) ->
     }
 }
 
-/// The bytes of a buffer view.
+/// Returns the bytes of a buffer view.
 fn view_bytes<'d>(doc: &'d Document, view: &At<'d>) -> Result<&'d [u8], Error> {
     let (buffer, range) = view_range(doc, view)?;
     Ok(&doc.buffers[buffer][range])
 }
 
-/// The buffer and the range in it that a buffer view shows.
+/// Returns the buffer of a buffer view, and the range in it.
 pub(super) fn view_range(doc: &Document, view: &At<'_>) -> Result<(usize, Range<usize>), Error> {
     view.object()?;
     let buffer = view.need("buffer")?.index_into("buffers", doc.buffers.len())?;
@@ -261,12 +261,12 @@ fn read_sparse<'d>(doc: &'d Document, at: At<'d>, base_count: usize, size: usize
     Ok(Sparse { indices, values })
 }
 
-/// The elements of a strided run. The last one may lack the padding behind it.
+/// Iterates over the elements of a strided run. The last one may lack the padding after it.
 fn elements(bytes: &[u8], stride: usize, size: usize) -> impl Iterator<Item = &[u8]> {
     bytes.chunks(stride.max(1)).filter_map(move |chunk| chunk.get(..size))
 }
 
-/// Strided elements, packed.
+/// Packs strided elements.
 fn tight(bytes: &[u8], stride: usize, size: usize) -> Vec<u8> {
     if stride == size { bytes.to_vec() } else { elements(bytes, stride, size).flatten().copied().collect() }
 }

@@ -1,4 +1,4 @@
-//! What alpha-tested materials test.
+//! Reads the inputs of the alpha test of a material.
 
 use glam::{DAffine2, DMat2, DVec2};
 
@@ -11,7 +11,7 @@ use crate::extension_names::{
 };
 use crate::{Document, Error};
 
-/// Extensions that name an image in a format of their own.
+/// Extensions that refer to an image in another format.
 const SOURCES: [&str; 4] = [KHR_TEXTURE_BASISU, EXT_TEXTURE_WEBP, EXT_TEXTURE_AVIF, MSFT_TEXTURE_DDS];
 
 pub(crate) fn alpha_test(doc: &Document, material: usize) -> Result<AlphaTest, Error> {
@@ -57,7 +57,7 @@ fn wraps(sampler: &At<'_>) -> Result<[Wrap; 2], Error> {
     Ok([wrap("wrapS")?, wrap("wrapT")?])
 }
 
-/// Scaled, then turned counter-clockwise as seen with v pointing down, then moved.
+/// Returns the texture transform: scale, then rotation (counter-clockwise as seen with v pointing down), then offset.
 fn transformed(at: &At<'_>) -> Result<DAffine2, Error> {
     let pair = |key, default: f64| match at.get(key) {
         Some(pair) => pair.numbers::<2>().map(DVec2::from_array),
@@ -117,7 +117,7 @@ pub(crate) fn texcoords(doc: &Document, mesh: usize, primitive: usize, set: usiz
     Ok(accessor.vectors_f32::<2>())
 }
 
-/// The bytes of the buffer view that an index property names, shared with the document.
+/// Returns the bytes of the buffer view that an index property refers to, shared with the document.
 fn view_bytes(doc: &Document, index: &At<'_>) -> Result<Bytes, Error> {
     let root = At::root(doc);
     let number = index.index_into("bufferViews", root.count("bufferViews"))?;
@@ -125,7 +125,7 @@ fn view_bytes(doc: &Document, index: &At<'_>) -> Result<Bytes, Error> {
     let view = views.element(number).ok_or_else(|| index.error("is missing"))?;
     let (buffer, range) = view_range(doc, &view)?;
     let bytes = doc.buffers[buffer].slice(range);
-    // A slice keeps all of the buffer for as long as the image is there.
+    // A slice keeps the whole buffer alive for as long as the image exists.
     let is_small = bytes.len() < doc.buffers[buffer].len() / 2;
     Ok(if is_small { Bytes::copy_from_slice(&bytes) } else { bytes })
 }

@@ -1,4 +1,4 @@
-//! Animations: which nodes they move.
+//! Finds the nodes that animations move.
 
 use super::accessor::Accessor;
 use super::json::At;
@@ -33,7 +33,7 @@ pub(super) fn mark_animated(doc: &Document, nodes: &mut [Node]) -> Result<(), Er
     Ok(())
 }
 
-/// Marks what a JSON pointer of `KHR_animation_pointer` animates.
+/// Marks the target of a JSON pointer of `KHR_animation_pointer`.
 fn mark_pointer(pointer: &At<'_>, nodes: &mut [Node], meshes: &mut [bool]) -> Result<(), Error> {
     let mut parts = pointer.string()?.split('/').skip(1);
     let (list, index) = (parts.next().unwrap_or_default(), parts.next().and_then(|i| i.parse::<usize>().ok()));

@@ -16,7 +16,7 @@ pub(crate) fn scalars(doc: &Document, accessor: usize) -> Option<Vec<u32>> {
     Accessor::read(doc, accessor).ok()?.scalars()
 }
 
-/// The accessors of a primitive's vertex attributes, in file order, all of the same length.
+/// Returns the accessors of a primitive's vertex attributes, in file order, all of the same length.
 pub(super) fn attribute_accessors<'d>(
     doc: &'d Document,
     primitive: &At<'d>,

@@ -11,12 +11,12 @@ pub(super) const MAGIC: &[u8; 4] = b"glTF";
 pub(super) const JSON: &[u8; 4] = b"JSON";
 /// Type of the binary chunk.
 pub(super) const BIN: &[u8; 4] = b"BIN\0";
-/// Bytes of the file header, and of a chunk's header.
+/// Size of the file header in bytes.
 pub(super) const HEADER: usize = 12;
-/// Bytes of a chunk's header.
+/// Size of a chunk header in bytes.
 pub(super) const CHUNK_HEADER: usize = 8;
 
-/// Where the parts of a GLB file are.
+/// Locations of the parts of a GLB file.
 #[derive(Debug, Default)]
 pub(super) struct Parts {
     pub(super) json: Range<usize>,
@@ -52,7 +52,7 @@ pub(super) fn parts(file: &Path, bytes: &[u8]) -> Result<Parts, Error> {
     if parts.json.is_empty() { Err(Error::whole(file, "the JSON chunk is missing")) } else { Ok(parts) }
 }
 
-/// The file's length as the header gives it.
+/// Returns the length of the file according to its header.
 fn total_length(file: &Path, bytes: &[u8]) -> Result<usize, Error> {
     let (Some(version), Some(total)) = (word(bytes, 4), word(bytes, 8)) else {
         let cause = format!("truncated: a GLB header has {HEADER} bytes, the file has {}", bytes.len());
@@ -72,7 +72,7 @@ fn total_length(file: &Path, bytes: &[u8]) -> Result<usize, Error> {
     Ok(total)
 }
 
-/// Type and data of the chunk that starts at a byte of the file.
+/// Returns type and data of the chunk that starts at the given byte of the file.
 fn chunk(file: &Path, bytes: &[u8], start: usize, number: usize) -> Result<([u8; 4], Range<usize>), Error> {
     let place = format!("chunk {number}");
     let kind = bytes.get(start + 4..start + CHUNK_HEADER).and_then(|b| <[u8; 4]>::try_from(b).ok());

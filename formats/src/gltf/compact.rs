@@ -30,8 +30,8 @@ pub(crate) fn compact(doc: &mut Document) -> Compacted {
     removed
 }
 
-/// Removes the elements of a list that no reference names and renumbers the references to the rest. Returns how
-/// many are gone. Takes time linear in the document.
+/// Removes the elements of a list that nothing refers to, and renumbers the references to the rest. Returns how many
+/// were removed. Takes time linear in the size of the document.
 fn compact_list(json: &mut Value, list: &str, visit: Visit) -> usize {
     let count = json.get(list).and_then(Value::as_array).map_or(0, Vec::len);
     let mut used = vec![false; count];

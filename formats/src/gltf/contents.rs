@@ -1,4 +1,4 @@
-//! From JSON to [`Contents`], with every check.
+//! Converts JSON to [`Contents`], with all checks.
 
 use std::collections::HashMap;
 
@@ -27,17 +27,17 @@ pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents,
     Ok(Contents { nodes, roots, meshes, materials, cameras, warnings })
 }
 
-/// Positions that may be read, counting an accessor for each primitive that uses it: 12 GiB of them.
+/// Largest number of positions, counting an accessor once per primitive that uses it: 12 GiB of them.
 const MOST_POSITIONS: u64 = 1 << 30;
 
-/// Refuses files whose primitives share their vertices so widely that a small file would fill the memory.
+/// Rejects files in which so many primitives share their vertices that a small file would exhaust memory.
 fn check_positions(doc: &Document) -> Result<(), Error> {
     let meshes = doc.json.get("meshes").and_then(Value::as_array).into_iter().flatten();
     let primitives = meshes.flat_map(|m| m["primitives"].as_array().into_iter().flatten());
     let positions = primitives.filter_map(|p| p["attributes"]["POSITION"].as_u64());
     let total: u64 = positions
         .filter_map(|accessor| doc.json["accessors"][usize::try_from(accessor).ok()?]["count"].as_u64())
-        // A single count beyond all measure is refused where it stands.
+        // A single excessive count is reported at its own place.
         .filter(|count| *count <= MOST_POSITIONS)
         .sum();
     if total > MOST_POSITIONS {
@@ -47,7 +47,7 @@ fn check_positions(doc: &Document) -> Result<(), Error> {
     Ok(())
 }
 
-/// All meshes, read in parallel; the first error in file order counts.
+/// Reads all meshes in parallel; reports the first error in file order.
 fn meshes(doc: &Document, options: ReadOptions, warnings: &mut Vec<Warning>) -> Result<Vec<Mesh>, Error> {
     check_positions(doc)?;
     let places: Vec<At<'_>> = At::root(doc).list("meshes")?.collect();
@@ -74,7 +74,7 @@ fn check_skins(doc: &Document, nodes: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// The roots of the default scene; marks the nodes that other scenes show.
+/// Returns the roots of the default scene, and marks the nodes shown by other scenes.
 fn scenes(root: &At<'_>, nodes: &mut [Node]) -> Result<Vec<usize>, Error> {
     let count = root.count("scenes");
     let default = root.index("scene", "scenes", count)?.unwrap_or(0);
@@ -114,7 +114,7 @@ fn materials(root: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<Material>
     root.list("materials")?.enumerate().map(with_twin).collect()
 }
 
-/// What a material says, but for its name and extras, whatever the order.
+/// Returns the content of a material except for name and extras, independent of order.
 fn content(material: &Value) -> String {
     let mut content = material.clone();
     if let Some(all) = content.as_object_mut() {
@@ -139,7 +139,7 @@ fn material(at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Material, Error>
     Ok(Material { name: at.name(), opacity, double_sided, look: look(at), same_as: None })
 }
 
-/// What a material looks like; whatever is not as it should be is as if it were not there, since no ray asks for it.
+/// Returns the look of a material. Invalid properties are ignored, because no ray depends on them.
 fn look(at: &At<'_>) -> Look {
     let default = Look::default();
     let pbr = at.get("pbrMetallicRoughness");
@@ -159,9 +159,9 @@ fn look(at: &At<'_>) -> Look {
     }
 }
 
-/// A finite number with six significant digits: what `%g` leaves of it, and what rounding to a 32-bit float keeps.
+/// Rounds a finite number to six significant digits, which both `%g` and rounding to a 32-bit float preserve.
 fn six_digits(x: f64) -> f64 {
-    // A number that was just written as one can be read as one; -0 looks like 0.
+    // The text of a number always parses; -0 becomes 0.
     format!("{x:.5e}").parse().unwrap_or(x) + 0.0
 }
 

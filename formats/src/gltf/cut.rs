@@ -1,4 +1,4 @@
-//! Buffer views cut down to the bytes that accessors read: what a view holds besides is not written.
+//! Cuts buffer views down to the bytes that accessors read; the rest is not written.
 
 use std::ops::Range;
 
@@ -10,17 +10,17 @@ use super::json::unsigned;
 use crate::document::Document;
 use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 
-/// Unused bytes that are not worth a buffer view of their own.
+/// Largest gap of unused bytes that does not justify another buffer view.
 const MOST_GAP: usize = 128;
 
-/// A stretch of a view and the accessors that read it.
+/// A range of a view, and the accessors that read it.
 struct Part {
     bytes: Range<usize>,
     accessors: Vec<usize>,
 }
 
-/// Replaces every view of which accessors read parts only by a view for each part. Views that anything else refers to
-/// stay whole.
+/// Replaces each view that accessors read only in part by one view per part. Views that anything else refers to stay
+/// whole.
 pub(super) fn cut_views(doc: &mut Document) {
     let whole = whole_views(&mut doc.json);
     let mut parts: Vec<Vec<Part>> = whole.iter().map(|_| Vec::new()).collect();
@@ -40,7 +40,7 @@ pub(super) fn cut_views(doc: &mut Document) {
     }
 }
 
-/// For each view whether it must stay as it is: its bytes are compressed, or more than plain accessors refer to it.
+/// Whether each view must stay as it is: its bytes are compressed, or not only plain accessors refer to it.
 fn whole_views(json: &mut Value) -> Vec<bool> {
     let mut whole: Vec<bool> = array(json, "bufferViews").map(|view| view.get("extensions").is_some()).collect();
     let mut mark = |reference: Option<&Value>| {
@@ -64,7 +64,7 @@ fn whole_views(json: &mut Value) -> Vec<bool> {
     whole
 }
 
-/// The view of each accessor that has one, and what it reads there. An unsound accessor reads nothing.
+/// Returns the view of each accessor that has one, and the range it reads. An invalid accessor reads nothing.
 fn accessor_ranges(doc: &Document) -> Vec<(usize, Option<Part>)> {
     let accessors = doc.json.get("accessors").and_then(Value::as_array).into_iter().flatten();
     let views = doc.json.get("bufferViews").and_then(Value::as_array).map_or(0, Vec::len);
@@ -78,7 +78,7 @@ fn accessor_ranges(doc: &Document) -> Vec<(usize, Option<Part>)> {
     accessors.enumerate().filter_map(range).collect()
 }
 
-/// Parts that lie close together as one. They start at multiples of 4, so that what was aligned remains so.
+/// Joins parts that lie close together. They start at multiples of 4, which preserves alignment.
 fn joined(mut parts: Vec<Part>, length: usize) -> Vec<Part> {
     parts.sort_by_key(|p| (p.bytes.start, p.bytes.end));
     let mut joined: Vec<Part> = Vec::new();

@@ -6,19 +6,19 @@ use serde_json::{Map, Number, Value, json};
 use crate::document::{Component, Document, Element};
 use crate::edit::{NewAccessor, Target};
 
-/// The elements of an array property; none if it is absent or no array.
+/// Returns the elements of an array property; none if it is absent or not an array.
 pub(crate) fn array<'v>(object: &'v mut Value, key: &str) -> std::slice::IterMut<'v, Value> {
     object.get_mut(key).and_then(Value::as_array_mut).map(|list| list.iter_mut()).unwrap_or_default()
 }
 
-/// Calls a function with every primitive.
+/// Calls a function for every primitive.
 pub(super) fn each_primitive(json: &mut Value, mut change: impl FnMut(&mut Value)) {
     for mesh in array(json, "meshes") {
         array(mesh, "primitives").for_each(&mut change);
     }
 }
 
-/// Appends to a top-level list, which is made if it is absent; returns the new element's index.
+/// Appends to a top-level list, creating it if needed; returns the index of the new element.
 pub(crate) fn push(json: &mut Value, list: &str, item: Value) -> usize {
     if !json.is_object() {
         *json = Value::Object(Map::new());
@@ -26,7 +26,7 @@ pub(crate) fn push(json: &mut Value, list: &str, item: Value) -> usize {
     append(&mut json[list], item)
 }
 
-/// Appends to a list, which is made of whatever else was there; returns the new element's index.
+/// Appends to a list, replacing any value that is not one; returns the index of the new element.
 pub(crate) fn append(list: &mut Value, item: Value) -> usize {
     match list.as_array_mut() {
         Some(all) => {
@@ -86,7 +86,7 @@ pub(crate) fn add_accessor(doc: &mut Document, new: NewAccessor) -> usize {
     push(&mut doc.json, "accessors", accessor)
 }
 
-/// Elements at a larger stride, zeros between them.
+/// Spreads elements to a larger stride, padded with zeros.
 fn pad(data: Vec<u8>, size: usize, stride: usize) -> Vec<u8> {
     if size == stride {
         return data;
@@ -107,7 +107,7 @@ fn kind(element: Element) -> &'static str {
     }
 }
 
-/// Smallest and largest value of each component, as stored. `None` without elements or where one is infinite.
+/// Returns the smallest and largest value of each component, as stored; `None` if empty or one is infinite.
 fn min_max(data: &[u8], element: Element) -> Option<(Value, Value)> {
     let mut bounds = vec![(f64::INFINITY, f64::NEG_INFINITY); element.components];
     let size = element.component.size();
@@ -118,7 +118,7 @@ fn min_max(data: &[u8], element: Element) -> Option<(Value, Value)> {
         }
     }
     let number = |x: f64| -> Option<Value> {
-        // A sum with zero turns -0 into 0. The shortest text of a widened f32 parses back to the same f32.
+        // Adding zero turns -0 into 0. The shortest text of a widened f32 parses back to the same f32.
         let number = Number::from_f64(x + 0.0)?;
         Some(if element.component == Component::F32 { number.into() } else { Value::from(x as i64) })
     };

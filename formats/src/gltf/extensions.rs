@@ -1,4 +1,4 @@
-//! What is known of glTF extensions: which can be read, and which refer to what the bake renumbers.
+//! Known glTF extensions: which can be read, and which refer to elements that the bake renumbers.
 
 use std::collections::BTreeSet;
 
@@ -9,8 +9,8 @@ use super::json::At;
 use crate::Error;
 use crate::extension_names::*;
 
-/// Extensions whose geometry semantics are handled or that do not touch geometry, besides `KHR_materials_*`. They
-/// may be required, and none refers to meshes, accessors or buffer views in a place that `compact` does not know.
+/// Extensions whose geometry semantics are supported or that do not affect geometry, besides `KHR_materials_*`. They
+/// may be required, and they refer to meshes, accessors or buffer views only in places that `compact` knows.
 const READABLE: &[&str] = &[
     ADOBE_MATERIALS_CLEARCOAT_SPECULAR,
     ADOBE_MATERIALS_THIN_TRANSPARENCY,
@@ -34,7 +34,7 @@ const READABLE: &[&str] = &[
     MSFT_TEXTURE_DDS,
 ];
 
-/// Extensions that cannot be required, but whose references are known, so that they do not hinder renumbering.
+/// Extensions that must not be required, but whose references are known, so that they do not prevent renumbering.
 const RENUMBERABLE: &[&str] = &[
     KHR_DRACO_MESH_COMPRESSION,
     KHR_NODE_HOVERABILITY,
@@ -44,16 +44,16 @@ const RENUMBERABLE: &[&str] = &[
     MSFT_SCREENCOVERAGE,
 ];
 
-/// Extensions of a node that leave its mesh alone.
+/// Extensions of a node that do not affect its mesh.
 const HARMLESS_ON_NODES: &[&str] = &[EXT_MESH_GPU_INSTANCING, KHR_LIGHTS_PUNCTUAL, KHR_XMP, KHR_XMP_JSON_LD];
 
-/// meshoptimizer's compression of buffer views, under its vendor's and Khronos' name.
+/// Compression of buffer views by meshoptimizer, under its vendor and Khronos names.
 pub(super) const MESHOPT: [&str; 2] = [EXT_MESHOPT_COMPRESSION, KHR_MESHOPT_COMPRESSION];
 
-/// Why a file that needs decompression is refused.
+/// The reason for rejecting a file that needs decompression.
 pub(super) const COMPRESSED: &str = "compressed geometry is not read yet";
 
-/// Refuses a file that requires an extension which is not understood.
+/// Rejects a file that requires an unsupported extension.
 pub(super) fn check_required(root: &At<'_>) -> Result<(), Error> {
     for at in root.list("extensionsRequired")? {
         let name = at.string()?;
@@ -71,13 +71,13 @@ fn is_readable(name: &str) -> bool {
     name.starts_with(KHR_MATERIALS) || READABLE.contains(&name)
 }
 
-/// Whether an extension on a node leaves the meaning of its mesh alone.
+/// Whether an extension of a node does not affect its mesh.
 pub(super) fn is_harmless_on_nodes(name: &str) -> bool {
     HARMLESS_ON_NODES.contains(&name)
 }
 
-/// The first extension object of the document that may refer to meshes, accessors or buffer views in ways not
-/// known here.
+/// Returns the first extension object of the document that may refer to meshes, accessors or buffer views in unknown
+/// ways.
 pub(super) fn first_unknown(json: &Value) -> Option<String> {
     let mut todo = vec![json];
     while let Some(value) = todo.pop() {
@@ -114,7 +114,7 @@ pub(super) fn remove(object: &mut Value, name: &str) -> Option<Value> {
     remove_key(object.as_object_mut()?, "extensions", name)
 }
 
-/// Forgets the extensions of which `input` has objects and `json` has none left.
+/// Removes the names of extensions that have objects in `input` but none left in `json`.
 pub(crate) fn forget_unused(json: &mut Value, input: &Value) {
     if json.get("extensionsUsed").is_none() && json.get("extensionsRequired").is_none() {
         return;
@@ -124,7 +124,7 @@ pub(crate) fn forget_unused(json: &mut Value, input: &Value) {
     gone.into_iter().for_each(|name| forget(json, name));
 }
 
-/// The names of all extension objects, those in extras apart.
+/// Returns the names of all extension objects, except those in extras.
 fn names(json: &Value) -> BTreeSet<&String> {
     let mut names = BTreeSet::new();
     let mut todo = vec![json];
@@ -142,7 +142,7 @@ fn names(json: &Value) -> BTreeSet<&String> {
     names
 }
 
-/// Takes a name out of `extensionsUsed` and `extensionsRequired`.
+/// Removes a name from `extensionsUsed` and `extensionsRequired`.
 pub(super) fn forget(json: &mut Value, name: &str) {
     for key in ["extensionsUsed", "extensionsRequired"] {
         let Some(list) = json.get_mut(key).and_then(Value::as_array_mut) else { continue };

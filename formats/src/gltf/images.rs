@@ -1,4 +1,4 @@
-//! Images of an output: embedded, copied beside it, or left where they are.
+//! Images of an output: embedded, copied next to it, or left in place.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -13,27 +13,27 @@ use super::uri::{self, Uri};
 use crate::document::{Kind, Staged};
 use crate::{Document, Error};
 
-/// Where the images of an output go.
+/// Decides where the images of an output go.
 pub(super) struct Images<'a> {
     doc: &'a Document,
     kind: Kind,
-    /// Whether the output lies in the folder of the input.
+    /// Whether the output is in the folder of the input.
     same_folder: bool,
-    /// Names taken in the output's folder, in lower case.
+    /// Names already used in the output's folder, in lower case.
     taken: BTreeSet<String>,
-    /// Files dealt with: embedded in a buffer view, or copied under a name.
+    /// Files already embedded, with their buffer view and media type.
     embedded: BTreeMap<PathBuf, (usize, &'static str)>,
     copied: BTreeMap<PathBuf, String>,
 }
 
 impl<'a> Images<'a> {
-    /// `taken` are file names that no image may get.
+    /// Creates the state; `taken` are file names that no image may use.
     pub(super) fn new(doc: &'a Document, kind: Kind, same_folder: bool, taken: &[&str]) -> Self {
         let taken = taken.iter().map(|name| name.to_lowercase()).collect();
         Images { doc, kind, same_folder, taken, embedded: BTreeMap::new(), copied: BTreeMap::new() }
     }
 
-    /// The `images` list of the output, if the document has images.
+    /// Returns the `images` list of the output, if the document has images.
     pub(super) fn place(&mut self, packed: &mut Packed, staged: &mut Staged) -> Result<Option<Value>, Error> {
         let root = At::root(self.doc);
         if root.get("images").is_none() {
@@ -103,7 +103,7 @@ impl<'a> Images<'a> {
         Ok(image)
     }
 
-    /// The buffer view and media type of a file; `None` if the file is of an unknown type.
+    /// Embeds a file and returns its buffer view and media type; `None` if its type is unknown.
     fn embed_file(&mut self, file: &Path, packed: &mut Packed) -> Result<Option<(usize, &'static str)>, Error> {
         if let Some(found) = self.embedded.get(file) {
             return Ok(Some(*found));
@@ -115,7 +115,7 @@ impl<'a> Images<'a> {
         Ok(Some((view, mime)))
     }
 
-    /// Copies a file beside the output, under its relative name where that stays within the folder and is free.
+    /// Copies a file next to the output, under its relative name if that stays within the folder and is free.
     fn copy(&mut self, file: &Path, wanted: &str, staged: &mut Staged) -> Result<String, Error> {
         if let Some(name) = self.copied.get(file) {
             return Ok(name.clone());
@@ -129,7 +129,7 @@ impl<'a> Images<'a> {
         Ok(name)
     }
 
-    /// A name in the output's folder itself that nothing else bears.
+    /// Returns an unused name directly in the output's folder.
     fn free_name(&mut self, file: &Path) -> String {
         let text = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
         let (stem, extension) = (text(file.file_stem()), text(file.extension()));
@@ -145,17 +145,17 @@ impl<'a> Images<'a> {
     }
 }
 
-/// A relative name without `./`.
+/// Returns a relative name without `./`.
 fn plain(name: &str) -> PathBuf {
     Path::new(name).components().filter(|c| *c != Component::CurDir).collect()
 }
 
-/// A relative name for file systems that do not tell cases apart.
+/// Returns a relative name for comparison on case-insensitive file systems.
 fn caseless(name: &str) -> String {
     plain(name).to_string_lossy().to_lowercase()
 }
 
-/// An image of a buffer view in place of its URI.
+/// Returns an image that refers to a buffer view instead of a URI.
 fn embed(image: &Value, view: usize, mime: &str) -> Value {
     let mut embedded = serde_json::Map::new();
     for (key, value) in image.as_object().into_iter().flatten().filter(|(key, _)| *key != "uri") {
@@ -166,7 +166,7 @@ fn embed(image: &Value, view: usize, mime: &str) -> Value {
     Value::Object(embedded)
 }
 
-/// The media type of an image by its first bytes.
+/// Detects the media type of an image from its first bytes.
 fn mime_type(data: &[u8]) -> Option<&'static str> {
     let at = |start: usize, magic: &[u8]| data.get(start..).is_some_and(|rest| rest.starts_with(magic));
     Some(match () {

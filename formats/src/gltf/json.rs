@@ -1,4 +1,4 @@
-//! Typed access to a JSON tree that knows where it stands, so that errors name the place.
+//! Typed access to a JSON tree that tracks its place in it, so that errors can name the place.
 
 use std::fmt;
 use std::path::Path;
@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 use crate::{Document, Error, Warning};
 
-/// Steps from the root that a place remembers; deeper ones are left out of messages.
+/// Largest number of steps from the root that a place records; deeper ones are omitted from messages.
 const DEPTH: usize = 10;
 
 /// One step down a JSON tree.
@@ -27,12 +27,12 @@ pub(super) struct At<'v> {
 }
 
 impl<'v> At<'v> {
-    /// The root of a document.
+    /// Returns the root of a document.
     pub(super) fn root(doc: &'v Document) -> Self {
         At::new(&doc.path, &doc.json)
     }
 
-    /// The root of a file's JSON.
+    /// Returns the root of a file's JSON.
     pub(super) fn new(file: &'v Path, value: &'v Value) -> Self {
         At { value, file, steps: [Step::Index(0); DEPTH], depth: 0 }
     }
@@ -45,70 +45,70 @@ impl<'v> At<'v> {
         At { value, ..self }
     }
 
-    /// An error at this place.
+    /// Creates an error at this place.
     pub(super) fn error(&self, cause: impl fmt::Display) -> Error {
         Error::at(self.file, self.to_string(), cause)
     }
 
-    /// An error at a property of this object, present or not.
+    /// Creates an error at a property of this object, present or not.
     pub(super) fn error_at(&self, key: &'v str, cause: impl fmt::Display) -> Error {
         self.down(Step::Key(key), self.value).error(cause)
     }
 
-    /// A warning at this place.
+    /// Creates a warning at this place.
     pub(super) fn warning(&self, message: impl fmt::Display) -> Warning {
         Warning { place: self.to_string(), message: message.to_string() }
     }
 
-    /// This value as an object.
+    /// Returns this value as an object.
     pub(super) fn object(&self) -> Result<&'v Map<String, Value>, Error> {
         self.value.as_object().ok_or_else(|| self.error("an object is expected"))
     }
 
-    /// A property of this object; `None` if it is absent.
+    /// Returns a property of this object; `None` if it is absent.
     pub(super) fn get(&self, key: &'v str) -> Option<At<'v>> {
         self.value.get(key).map(|value| self.down(Step::Key(key), value))
     }
 
-    /// A property that must be there.
+    /// Returns a required property.
     pub(super) fn need(&self, key: &'v str) -> Result<At<'v>, Error> {
         self.get(key).ok_or_else(|| self.error_at(key, "is missing"))
     }
 
-    /// An element of this array.
+    /// Returns an element of this array.
     pub(super) fn element(&self, index: usize) -> Option<At<'v>> {
         self.value.get(index).map(|value| self.down(Step::Index(index), value))
     }
 
-    /// All elements of this array.
+    /// Returns all elements of this array.
     pub(super) fn elements(self) -> Result<impl ExactSizeIterator<Item = At<'v>> + Clone, Error> {
         let list = self.value.as_array().ok_or_else(|| self.error("an array is expected"))?;
         Ok(list.iter().enumerate().map(move |(i, value)| self.down(Step::Index(i), value)))
     }
 
-    /// All properties of this object, in file order.
+    /// Returns all properties of this object, in file order.
     pub(super) fn entries(self) -> Result<impl Iterator<Item = (&'v str, At<'v>)>, Error> {
         let object = self.object()?;
         Ok(object.iter().map(move |(key, value)| (key.as_str(), self.down(Step::Key(key), value))))
     }
 
-    /// The elements of an array property; none if it is absent.
+    /// Returns the elements of an array property; none if it is absent.
     pub(super) fn list(&self, key: &'v str) -> Result<impl ExactSizeIterator<Item = At<'v>> + Clone, Error> {
         static NONE: Value = Value::Array(Vec::new());
         self.get(key).unwrap_or_else(|| self.down(Step::Key(key), &NONE)).elements()
     }
 
-    /// The number of elements of an array property; 0 if it is absent or no array.
+    /// Returns the number of elements of an array property; 0 if it is absent or not an array.
     pub(super) fn count(&self, key: &str) -> usize {
         self.value.get(key).and_then(Value::as_array).map_or(0, Vec::len)
     }
 
-    /// This value as a non-negative integer.
+    /// Returns this value as a non-negative integer.
     pub(super) fn integer(&self) -> Result<usize, Error> {
         unsigned(self.value).ok_or_else(|| self.error(format_args!("{} is no unsigned integer", Short(self.value))))
     }
 
-    /// This value as a finite number within the range of a 32-bit float.
+    /// Returns this value as a finite number within the range of a 32-bit float.
     pub(super) fn number(&self) -> Result<f64, Error> {
         let x = self.value.as_f64().ok_or_else(|| self.error(format_args!("{} is no number", Short(self.value))))?;
         if x.abs() <= f64::from(f32::MAX) {
@@ -118,7 +118,7 @@ impl<'v> At<'v> {
         }
     }
 
-    /// This array as exactly `N` numbers.
+    /// Returns this array as exactly `N` numbers.
     pub(super) fn numbers<const N: usize>(&self) -> Result<[f64; N], Error> {
         let list = self.elements()?;
         if list.len() != N {
@@ -131,17 +131,17 @@ impl<'v> At<'v> {
         Ok(all)
     }
 
-    /// This value as a string.
+    /// Returns this value as a string.
     pub(super) fn string(&self) -> Result<&'v str, Error> {
         self.value.as_str().ok_or_else(|| self.error(format_args!("{} is no string", Short(self.value))))
     }
 
-    /// This value as a truth value.
+    /// Returns this value as a boolean.
     pub(super) fn boolean(&self) -> Result<bool, Error> {
         self.value.as_bool().ok_or_else(|| self.error(format_args!("{} is neither true nor false", Short(self.value))))
     }
 
-    /// This value as an index into the top-level list `list`, which has `len` elements.
+    /// Returns this value as an index into the top-level list `list`, which has `len` elements.
     pub(super) fn index_into(&self, list: &str, len: usize) -> Result<usize, Error> {
         let index = self.integer()?;
         if index < len {
@@ -151,17 +151,17 @@ impl<'v> At<'v> {
         }
     }
 
-    /// An index property, as [`At::index_into`]; `None` if it is absent.
+    /// Returns an index property, see [`At::index_into`]; `None` if it is absent.
     pub(super) fn index(&self, key: &'v str, list: &str, len: usize) -> Result<Option<usize>, Error> {
         self.get(key).map(|at| at.index_into(list, len)).transpose()
     }
 
-    /// The `name` property, if it is a string.
+    /// Returns the `name` property, if it is a string.
     pub(super) fn name(&self) -> Option<String> {
         self.value.get("name").and_then(Value::as_str).map(str::to_owned)
     }
 
-    /// An extension of this object.
+    /// Returns an extension of this object.
     pub(super) fn extension(&self, name: &'v str) -> Option<At<'v>> {
         self.get("extensions")?.get(name)
     }
@@ -180,7 +180,7 @@ impl fmt::Display for At<'_> {
     }
 }
 
-/// A JSON value, cut short for messages.
+/// A JSON value, shortened for messages.
 struct Short<'v>(&'v Value);
 
 impl fmt::Display for Short<'_> {
@@ -194,7 +194,7 @@ impl fmt::Display for Short<'_> {
     }
 }
 
-/// A JSON number as an unsigned integer; `3.0` counts as 3.
+/// Returns a JSON number as an unsigned integer; `3.0` counts as 3.
 pub(crate) fn unsigned(value: &Value) -> Option<usize> {
     const EXACT: f64 = 9_007_199_254_740_992.0; // 2^53
     if let Some(n) = value.as_u64() {

@@ -1,4 +1,4 @@
-//! Which primitives may be joined.
+//! Determines which primitives may be joined.
 
 use std::fmt::Write;
 
@@ -8,8 +8,8 @@ use super::accessor::Accessor;
 use super::json::At;
 use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 
-/// A text that is equal for primitives with the same vertex attributes, extensions and extras. Positions, normals
-/// and tangents count as 32-bit floats, since joining transforms them; where triangles came from does not count.
+/// Returns a text that is equal for primitives with the same vertex attributes, extensions and extras. Positions,
+/// normals and tangents count as 32-bit floats, because joining transforms them; provenance is ignored.
 pub(super) fn merge_key(primitive: &At<'_>, attributes: &[(&str, Accessor<'_>)]) -> String {
     let mut types: Vec<String> = attributes.iter().map(|(name, accessor)| attribute_type(name, accessor)).collect();
     types.sort_unstable();
@@ -31,8 +31,8 @@ fn attribute_type(name: &str, accessor: &Accessor<'_>) -> String {
     }
 }
 
-/// Writes JSON with sorted properties; an object that holds nothing but `hidden` counts as absent. The parser
-/// bounds the depth.
+/// Writes JSON with sorted properties; an object that contains only `hidden` counts as absent. The parser limits the
+/// depth.
 fn write_canonical(out: &mut String, value: &Value, hidden: Option<&str>) {
     match value {
         Value::Object(map) => {

@@ -1,4 +1,4 @@
-//! Nodes: the hierarchy, their transforms and their copies.
+//! Nodes: the hierarchy, transforms and copies.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
@@ -11,7 +11,7 @@ use crate::document::{Component, Document};
 use crate::extension_names::EXT_MESH_GPU_INSTANCING;
 use crate::{Error, Warning};
 
-/// All nodes, each with its parent, no cycle among them.
+/// Reads all nodes and their parents, and rejects cycles.
 pub(super) fn nodes(doc: &Document, warnings: &mut Vec<Warning>) -> Result<Vec<Node>, Error> {
     let root = At::root(doc);
     let mut nodes = Vec::new();
@@ -50,7 +50,7 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
     })
 }
 
-/// Parent from node.
+/// Returns the parent-from-node transform.
 fn local(at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<DAffine3, Error> {
     let vector = |key, default| at.get(key).map_or(Ok(default), |v| v.numbers().map(DVec3::from_array));
     let Some(matrix) = at.get("matrix") else {
@@ -76,13 +76,13 @@ fn local(at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<DAffine3, Error> {
     Ok(DAffine3::from_mat3_translation(linear, DVec3::new(m[12], m[13], m[14])))
 }
 
-/// The unit quaternion of the same direction; `None` for zero.
+/// Returns the normalised quaternion; `None` for zero.
 fn unit(q: [f64; 4]) -> Option<DQuat> {
     let largest = q.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     (largest > 0.0).then(|| DQuat::from_array(q.map(|x| x / largest)).normalize())
 }
 
-/// The copies that `EXT_mesh_gpu_instancing` places.
+/// Returns the copies that `EXT_mesh_gpu_instancing` places.
 fn copies(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Vec<DAffine3>, Error> {
     let attributes = at.need("attributes")?;
     let mut count = None;
@@ -112,7 +112,7 @@ fn copies(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Ve
     Ok(copies)
 }
 
-/// Refuses copy attributes of a type that the extension does not have.
+/// Rejects copy attributes of a type that the extension does not allow.
 fn check_copy_attribute(name: &str, at: &At<'_>, accessor: &Accessor<'_>) -> Result<(), Error> {
     let float = accessor.element.component == Component::F32;
     let signed = matches!(accessor.element.component, Component::I8 | Component::I16);
@@ -134,7 +134,7 @@ fn vectors<const N: usize>(doc: &Document, at: &At<'_>, name: &'static str) -> R
     }
 }
 
-/// Tells every node its parent.
+/// Sets the parent of every node.
 fn link_parents(root: &At<'_>, nodes: &mut [Node]) -> Result<(), Error> {
     for parent in 0..nodes.len() {
         for i in 0..nodes[parent].children.len() {
@@ -148,7 +148,7 @@ fn link_parents(root: &At<'_>, nodes: &mut [Node]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses cycles. With one parent each, nodes out of reach of a parentless one are those on or below a cycle.
+/// Rejects cycles. As nodes have at most one parent, those not reachable from a root are on or below a cycle.
 fn check_acyclic(root: &At<'_>, nodes: &[Node]) -> Result<(), Error> {
     let mut reached = vec![false; nodes.len()];
     let tops = (0..nodes.len()).filter(|i| nodes[*i].parent.is_none()).collect();
@@ -162,7 +162,7 @@ fn check_acyclic(root: &At<'_>, nodes: &[Node]) -> Result<(), Error> {
     Err(place.error("is its own ancestor"))
 }
 
-/// Marks nodes and all below them; those marked before are not entered again.
+/// Marks nodes and their descendants; already marked nodes are not visited again.
 pub(super) fn mark_below(nodes: &[Node], mut todo: Vec<usize>, marked: &mut [bool]) {
     while let Some(node) = todo.pop() {
         if !std::mem::replace(&mut marked[node], true) {

@@ -1,4 +1,4 @@
-//! All buffers joined into one.
+//! Joins all buffers into one.
 
 use std::io::{self, Write};
 
@@ -13,26 +13,26 @@ use crate::{Document, Error};
 /// The one buffer of an output, and the buffer views into it.
 #[derive(Default)]
 pub(super) struct Packed {
-    /// Bytes with their offsets, ascending; the gaps are zeros.
+    /// Bytes and their offsets, in ascending order; gaps are filled with zeros.
     pieces: Vec<(usize, Bytes)>,
-    /// Bytes in all.
+    /// Total length in bytes.
     pub(super) length: usize,
     /// The `bufferViews` list; every view refers to buffer 0.
     pub(super) views: Value,
 }
 
-/// Views of one buffer that share bytes, directly or through others.
+/// Views of one buffer that share bytes, directly or through other views.
 struct Cluster {
     buffer: usize,
     start: usize,
     end: usize,
-    /// Each view with its first byte in the old buffer.
+    /// Each view, with the offset of its first byte in the old buffer.
     members: Vec<(usize, usize)>,
 }
 
 impl Packed {
-    /// Joins the buffers of a document. Bytes that no view shows are left out, shared bytes stay shared, and every
-    /// offset stays the same modulo 4, so that what was aligned remains so.
+    /// Joins the buffers of a document. Bytes outside all views are dropped, shared bytes stay shared, and every offset
+    /// stays the same modulo 4, which preserves alignment.
     pub(super) fn new(doc: &Document) -> Result<Self, Error> {
         let mut views = Vec::new();
         for (i, view) in At::root(doc).list("bufferViews")?.enumerate() {
@@ -50,7 +50,7 @@ impl Packed {
             }
         }
         if packed.length == 0 && !offsets.is_empty() {
-            // Views of no bytes still need a buffer, and glTF forbids empty ones.
+            // Empty views still need a buffer, and glTF forbids empty buffers.
             packed.append(Bytes::from_static(&[0; 4]), 0);
         }
         for (view, offset) in At::root(doc).list("bufferViews")?.zip(offsets) {
@@ -59,14 +59,14 @@ impl Packed {
         Ok(packed)
     }
 
-    /// Adds a buffer view of its own for some bytes; returns its index.
+    /// Adds a new buffer view for the given bytes; returns its index.
     pub(super) fn push(&mut self, data: Bytes) -> usize {
         let length = data.len();
         let offset = self.append(data, 0);
         edit::append(&mut self.views, serde_json::json!({ "buffer": 0, "byteOffset": offset, "byteLength": length }))
     }
 
-    /// Puts bytes at the next offset that leaves `remainder` when divided by 4.
+    /// Appends bytes at the next offset that leaves `remainder` when divided by 4.
     fn append(&mut self, data: Bytes, remainder: usize) -> usize {
         let offset = self.length + (remainder + 4 - self.length % 4) % 4;
         self.length = offset + data.len();
@@ -86,7 +86,7 @@ impl Packed {
     }
 }
 
-/// Groups views, sorted by buffer and first byte, that overlap.
+/// Groups overlapping views; the views are sorted by buffer and first byte.
 fn clusters(views: &[(usize, usize, usize, usize)]) -> Vec<Cluster> {
     let mut clusters: Vec<Cluster> = Vec::new();
     for &(buffer, start, end, view) in views {
@@ -101,7 +101,7 @@ fn clusters(views: &[(usize, usize, usize, usize)]) -> Vec<Cluster> {
     clusters
 }
 
-/// A buffer view at another place. An offset of zero stays unsaid where it was.
+/// Returns a buffer view at a new offset. An omitted offset of zero stays omitted.
 fn moved(view: &Value, offset: usize) -> Value {
     let mut view = view.clone();
     view["buffer"] = 0.into();

@@ -13,7 +13,7 @@ const TRIANGLES: usize = 4;
 const TRIANGLE_STRIP: usize = 5;
 const TRIANGLE_FAN: usize = 6;
 
-/// A mesh, and what was left out of it.
+/// Reads a mesh, and warns of what was left out.
 pub(super) fn mesh(doc: &Document, at: &At<'_>, options: ReadOptions) -> Result<(Mesh, Vec<Warning>), Error> {
     let mut warnings = Vec::new();
     let mut primitives = Vec::new();
@@ -42,7 +42,7 @@ fn primitive(
     Ok(Primitive { material, triangles, morphed, merge_key: merge_key(at, &attributes), provenance })
 }
 
-/// Checks the morph targets; whether there are any.
+/// Checks the morph targets; returns whether there are any.
 fn check_targets(doc: &Document, at: &At<'_>, vertices: usize) -> Result<bool, Error> {
     let targets = at.list("targets")?;
     for target in targets.clone() {
@@ -56,7 +56,7 @@ fn check_targets(doc: &Document, at: &At<'_>, vertices: usize) -> Result<bool, E
     Ok(targets.len() > 0)
 }
 
-/// All triangles as stored, strips and fans unrolled; `None` where there are none to speak of.
+/// Returns all triangles as stored, with strips and fans unrolled; `None` if the mode has none.
 fn triangles(
     doc: &Document,
     at: &At<'_>,
@@ -111,7 +111,7 @@ fn check_position(position: &Accessor<'_>) -> Result<(), Error> {
     }
 }
 
-/// Refuses indices past the vertices, and the largest of their type, which means "restart" to a GPU.
+/// Rejects indices past the vertices, and the largest index of their type, which means "restart" to a GPU.
 fn check_indices(accessor: &Accessor<'_>, indices: &[u32], vertices: usize) -> Result<(), Error> {
     let Some(&largest) = indices.iter().max() else { return Ok(()) };
     if largest as usize >= vertices {
@@ -128,7 +128,7 @@ fn check_indices(accessor: &Accessor<'_>, indices: &[u32], vertices: usize) -> R
     Ok(())
 }
 
-/// Vertices of each triangle in the order that section 3.7.2.1 of the glTF 2.0 specification gives them.
+/// Returns the vertices of each triangle in the order of section 3.7.2.1 of the glTF 2.0 specification.
 fn corners(mode: usize, count: usize, vertex: impl Fn(usize) -> u32) -> Vec<[u32; 3]> {
     let strung = count.saturating_sub(2);
     match mode {

@@ -1,4 +1,4 @@
-//! What an earlier bake recorded in `extras.raykiln` of primitives and nodes.
+//! Reads what an earlier bake recorded in `extras.raykiln` of primitives and nodes.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -10,10 +10,10 @@ use super::json::{At, unsigned};
 use crate::contents::{CopyOf, NodeSource, Provenance, Source, TriangleOrder};
 use crate::{Document, Warning};
 
-/// The provenance of a primitive with `triangles` triangles in the file.
+/// Returns the provenance of a primitive with `triangles` triangles in the file.
 ///
 /// # Errors
-/// Says what is wrong with a record that cannot be used.
+/// Describes why a record cannot be used.
 pub(super) fn provenance(doc: &Document, primitive: &At<'_>, triangles: usize) -> Result<Option<Provenance>, String> {
     let Some(record) = primitive.get("extras").and_then(|extras| extras.get("raykiln")) else { return Ok(None) };
     if let Some(source) = record.get("source") {
@@ -29,7 +29,7 @@ pub(super) fn provenance(doc: &Document, primitive: &At<'_>, triangles: usize) -
     Ok(Some(Provenance::Runs { sources, runs }))
 }
 
-/// Reads what nodes stand for. Nodes that name one accessor share what it holds, however many they are.
+/// Reads the sources of nodes. Nodes that refer to the same accessor share its contents.
 pub(super) struct NodeSources<'d> {
     doc: &'d Document,
     orders: HashMap<usize, Option<Arc<TriangleOrder>>>,
@@ -40,7 +40,7 @@ impl<'d> NodeSources<'d> {
         NodeSources { doc, orders: HashMap::new() }
     }
 
-    /// What a node stands for; a copy whose record cannot be used is reported and left out.
+    /// Returns the source of a node; an unusable record of a copy is reported and left out.
     pub(super) fn of(&mut self, node: &At<'_>, warnings: &mut Vec<Warning>) -> Option<NodeSource> {
         let source = node.get("extras")?.get("raykiln")?.get("source")?;
         let number = small(source.get("node")?.value)?;
@@ -51,8 +51,8 @@ impl<'d> NodeSources<'d> {
         Some(NodeSource { node: number, copy_of })
     }
 
-    /// What each of the copies of a node stands for; none where that is not recorded, or in a way that cannot be used,
-    /// which is reported.
+    /// Returns the source of each copy of a node; empty if it is not recorded, or if the record cannot be used, which
+    /// is reported.
     pub(super) fn of_copies(&mut self, node: &At<'_>, copies: usize, warnings: &mut Vec<Warning>) -> Vec<NodeSource> {
         let record = node.get("extras").and_then(|e| e.get("raykiln")).and_then(|r| r.get("source"));
         let Some((source, nodes)) = record.and_then(|s| Some((s, s.get("nodes")?))) else { return Vec::new() };
@@ -84,7 +84,7 @@ impl<'d> NodeSources<'d> {
         Ok(Some(CopyOf { mesh, order: self.order(source)? }))
     }
 
-    /// The order that `runs` of a source names; `None` where it names none.
+    /// Returns the order that `runs` of a source refers to; `None` if there is no such property.
     fn order(&mut self, source: &At<'_>) -> Result<Option<Arc<TriangleOrder>>, &'static str> {
         let Some(runs) = source.get("runs") else { return Ok(None) };
         let accessor = unsigned(runs.value).ok_or("\"runs\" is malformed")?;
@@ -105,7 +105,7 @@ fn same(source: &At<'_>) -> Option<Provenance> {
     Some(Provenance::Same { mesh: number("mesh")?, primitive: number("primitive")? })
 }
 
-/// `[node, copy, mesh, primitive]`, the node possibly null.
+/// Parses `[node, copy, mesh, primitive]`; the node may be null.
 fn source(value: &Value) -> Option<Source> {
     let [node, copy, mesh, primitive] = value.as_array()?.as_slice() else { return None };
     let node = if node.is_null() { None } else { Some(small(node)?) };

@@ -1,4 +1,4 @@
-//! From file to [`Document`].
+//! Reads a file into a [`Document`].
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -16,7 +16,7 @@ use crate::document::Kind;
 use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 use crate::{Document, Error, ErrorKind, Warning};
 
-/// Reads a glTF or GLB file, told apart by their first bytes.
+/// Reads a glTF or GLB file, distinguished by its first bytes.
 pub(crate) fn read(path: &Path) -> Result<Document, Error> {
     let file = Bytes::from(fs::read(path).map_err(|e| Error::io(path, "", &e))?);
     parsed(path, &file, Some(uri::folder_of(path)))
@@ -45,7 +45,7 @@ fn parsed(path: &Path, file: &Bytes, folder: Option<&Path>) -> Result<Document, 
 
 type Opened = (Value, Option<Bytes>, Kind, Vec<Warning>);
 
-/// The JSON and binary chunk of a file.
+/// Returns the JSON and binary chunk of a file.
 fn open(path: &Path, file: &Bytes) -> Result<Opened, Error> {
     if file.starts_with(binary::MAGIC) {
         let parts = binary::parts(path, file)?;
@@ -67,7 +67,7 @@ fn open(path: &Path, file: &Bytes) -> Result<Opened, Error> {
     Ok((parse(path, "", text)?, None, Kind::Gltf, Vec::new()))
 }
 
-/// Parses JSON. serde_json refuses values nested deeper than 128 levels, so that no tree can exhaust the stack.
+/// Parses JSON. serde_json rejects values nested deeper than 128 levels, so no tree can exhaust the stack.
 fn parse(path: &Path, part: &str, text: &[u8]) -> Result<Value, Error> {
     serde_json::from_slice(text).map_err(|e| {
         let message = e.to_string();
@@ -76,7 +76,7 @@ fn parse(path: &Path, part: &str, text: &[u8]) -> Result<Value, Error> {
     })
 }
 
-/// Refuses files of another glTF version.
+/// Rejects files of another glTF version.
 fn check_asset(root: &At<'_>) -> Result<(), Error> {
     root.object()?;
     let asset = root.need("asset")?;
@@ -94,7 +94,7 @@ fn check_asset(root: &At<'_>) -> Result<(), Error> {
     }
 }
 
-/// The bytes of every buffer, exactly `byteLength` of each. Files named twice are read once.
+/// Returns exactly `byteLength` bytes of each buffer. A file that several buffers name is read once.
 fn load_buffers(
     root: &At<'_>,
     folder: Option<&Path>,
@@ -176,7 +176,7 @@ fn check_images_are_inside(root: &At<'_>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Reads a file that a scene names; pipes and devices, which may never end, are refused.
+/// Reads a file that a scene refers to; rejects pipes and devices, which may never end.
 pub(crate) fn read_regular(file: &Path) -> std::io::Result<Bytes> {
     if !fs::metadata(file)?.is_file() {
         return Err(std::io::Error::other("not a regular file"));
@@ -184,8 +184,8 @@ pub(crate) fn read_regular(file: &Path) -> std::io::Result<Bytes> {
     fs::read(file).map(Bytes::from)
 }
 
-/// Drops optional Draco compression: the uncompressed accessors say the same, and the compressed copy would
-/// contradict every primitive that is changed.
+/// Drops optional Draco compression: the uncompressed accessors hold the same data, and the compressed copy would
+/// contradict every changed primitive.
 fn drop_draco(doc: &mut Document) -> Result<(), Error> {
     let root = At::root(doc);
     let mut dropped = 0;
@@ -210,7 +210,7 @@ fn drop_draco(doc: &mut Document) -> Result<(), Error> {
     Ok(())
 }
 
-/// Refuses a Draco primitive whose accessors hold no data of their own.
+/// Rejects a Draco primitive whose accessors have no data of their own.
 fn check_fallback(root: &At<'_>, primitive: &At<'_>) -> Result<(), Error> {
     let accessors = root.get("accessors");
     let attributes = primitive.get("attributes").and_then(|at| at.value.as_object());
@@ -226,7 +226,7 @@ fn check_fallback(root: &At<'_>, primitive: &At<'_>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Drops optional meshopt compression, as [`drop_draco`] does. Fallback buffers without bytes were refused before.
+/// Drops optional meshopt compression, like [`drop_draco`]. Fallback buffers without bytes were already rejected.
 fn drop_meshopt(doc: &mut Document) {
     for name in MESHOPT {
         let mut dropped = 0;

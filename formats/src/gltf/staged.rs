@@ -1,4 +1,4 @@
-//! Files written beside their final place and renamed together.
+//! Writes files next to their final place and renames them together.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -10,14 +10,14 @@ use crate::staging::{Folder, Hold};
 use crate::{Error, ErrorKind, Warning};
 
 impl Staged {
-    /// An empty staging folder beside `out`, on the same file system.
+    /// Creates an empty staging folder next to `out`, on the same file system.
     pub(super) fn new(out: &Path) -> Result<Self, Error> {
         let folder = staging_folder(out)?;
         let target = folder_of(out).to_owned();
         Ok(Staged { folder, target, files: Vec::new(), warnings: Vec::new() })
     }
 
-    /// Writes a file that will bear `name` within the final folder.
+    /// Writes a file to be named `name` in the final folder.
     pub(super) fn write(
         &mut self,
         name: &Path,
@@ -30,7 +30,7 @@ impl Staged {
         })
     }
 
-    /// Copies a file that will bear `name` within the final folder; warns of a different file that it replaces.
+    /// Copies a file to be named `name` in the final folder; warns if it replaces a different file.
     pub(super) fn copy(&mut self, from: &Path, name: &Path) -> Result<(), Error> {
         let there = self.target.join(name);
         if there.is_file() && !same_bytes(from, &there).unwrap_or(false) {
@@ -40,7 +40,7 @@ impl Staged {
         self.put(name, |path| fs::copy(from, path).map(|_| ()))
     }
 
-    /// Makes a file of the final folder visible in the staging folder too, only for as long as that exists.
+    /// Makes a file of the final folder visible in the staging folder for as long as that exists.
     pub(super) fn lend(&self, from: &Path, name: &Path) -> Result<(), Error> {
         let path = self.place(name)?;
         fs::hard_link(from, &path)
@@ -55,22 +55,22 @@ impl Staged {
         Ok(())
     }
 
-    /// The path of a name in the staging folder, its folders made.
+    /// Returns the path of a name in the staging folder, and creates its folders.
     fn place(&self, name: &Path) -> Result<PathBuf, Error> {
         let path = self.folder.path().join(name);
-        // A staging folder that was removed at the end of the program must not come back.
+        // A staging folder that was removed at program exit must not be created again.
         let _hold = Hold::new();
         fs::create_dir_all(folder_of(&path))
             .map_err(|e| Error::io(&self.target.join(name), "cannot be staged: ", &e))?;
         Ok(path)
     }
 
-    /// Where the staged scene file can be read before it is committed.
+    /// Returns the path at which the staged scene file can be read before the commit.
     pub fn path(&self) -> &Path {
         self.files.last().map_or(self.folder.path(), |(staged, _)| staged)
     }
 
-    /// Size of all staged files in bytes.
+    /// Returns the size of all staged files in bytes.
     pub fn bytes(&self) -> u64 {
         self.files.iter().map(|(staged, _)| fs::metadata(staged).map_or(0, |m| m.len())).sum()
     }
@@ -78,16 +78,16 @@ impl Staged {
     /// Renames the files to their final names, the scene file last.
     ///
     /// # Errors
-    /// Names the file that could not be put in place; files put in place before it are removed again, and those
-    /// they had replaced come back.
+    /// Names the file that could not be put in place; files already put in place are removed again, and the files they
+    /// replaced are restored.
     pub fn commit(self) -> Result<(), Error> {
         self.put_in_place().map(drop)
     }
 
-    /// As [`Staged::commit`], where what comes after may still fail.
+    /// Like [`Staged::commit`], for use if later steps may still fail.
     ///
     /// # Errors
-    /// As [`Staged::commit`].
+    /// See [`Staged::commit`].
     pub fn put_in_place(self) -> Result<Placed, Error> {
         let _hold = Hold::new();
         let backup = hidden_folder(&self.target)?;
@@ -102,22 +102,22 @@ impl Staged {
     }
 }
 
-/// Files under their final names. Dropped, they stay there.
+/// Files under their final names. They stay there when dropped.
 #[derive(Debug)]
 pub struct Placed {
     undo: Vec<Undo>,
-    /// What the files replaced.
+    /// Holds the replaced files.
     _backup: Folder,
 }
 
 impl Placed {
-    /// Removes the files again, and brings back those that they replaced, as far as the file system lets it.
+    /// Removes the files and restores those that they replaced, as far as the file system allows.
     pub fn take_back(self) {
         self.undo.into_iter().rev().for_each(Undo::run);
     }
 }
 
-/// What takes back one step of a commit.
+/// Reverts one step of a commit.
 #[derive(Debug)]
 enum Undo {
     RemoveFolder(PathBuf),
@@ -126,7 +126,7 @@ enum Undo {
 }
 
 impl Undo {
-    /// Takes the step back as far as the file system lets it.
+    /// Reverts the step as far as the file system allows.
     fn run(self) {
         let _ = match self {
             Undo::RemoveFolder(folder) => fs::remove_dir(folder),
@@ -136,13 +136,13 @@ impl Undo {
     }
 }
 
-/// Moves a file to its final name. What bore the name is kept as `old` till the end of the commit.
+/// Moves a file to its final name. The replaced file is kept as `old` until the end of the commit.
 fn replace(from: &Path, to: &Path, old: PathBuf, undo: &mut Vec<Undo>) -> io::Result<()> {
     make_folders(folder_of(to), undo)?;
     match fs::symlink_metadata(to) {
         Ok(there) if there.is_dir() => return Err(io::Error::other("a folder bears that name")),
         Ok(_) => {
-            // A second name keeps the first alive, so that at no time there is no file.
+            // A second link keeps the old file, so that there is always a file at `to`.
             fs::hard_link(to, &old).or_else(|_| fs::rename(to, &old))?;
             undo.push(Undo::Restore { old, to: to.to_owned() });
         }
@@ -160,7 +160,7 @@ fn make_folders(folder: &Path, undo: &mut Vec<Undo>) -> io::Result<()> {
     Ok(())
 }
 
-/// Refuses a file that cannot be written, before any work is done.
+/// Rejects a file that cannot be written, before any work is done.
 pub(super) fn check(out: &Path) -> Result<(), Error> {
     staging_folder(out).map(drop)
 }

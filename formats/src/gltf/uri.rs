@@ -1,4 +1,4 @@
-//! URIs of buffers and images: data URIs and names of files.
+//! URIs of buffers and images: data URIs and file names.
 
 use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
@@ -7,20 +7,20 @@ use base64::Engine;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 
-/// What a URI stands for.
+/// The parsed form of a URI.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Uri<'u> {
-    /// The bytes are in the URI itself: media type and encoded payload.
+    /// A data URI: media type and encoded payload.
     Data { media: &'u str, base64: bool, payload: &'u str },
-    /// A file, its name decoded; relative names start at the scene file's folder.
+    /// A file name, decoded; relative names start at the scene file's folder.
     File(Cow<'u, str>),
-    /// A scheme that is not read, such as `https`.
+    /// An unsupported scheme, such as `https`.
     Scheme(&'u str),
     /// Not a URI.
     Malformed(&'static str),
 }
 
-/// Tells what a URI stands for.
+/// Parses a URI.
 pub(super) fn parse(uri: &str) -> Uri<'_> {
     match scheme(uri) {
         Some(s) if s.eq_ignore_ascii_case("data") => data(&uri[s.len() + 1..]),
@@ -34,8 +34,8 @@ pub(super) fn parse(uri: &str) -> Uri<'_> {
     }
 }
 
-/// The scheme as RFC 3986 has it (T. Berners-Lee, R. Fielding, L. Masinter, "Uniform Resource Identifier: Generic
-/// Syntax", 2005).
+/// Returns the scheme as defined by RFC 3986 (T. Berners-Lee, R. Fielding, L. Masinter, "Uniform Resource Identifier:
+/// Generic Syntax", 2005).
 fn scheme(uri: &str) -> Option<&str> {
     let (scheme, _) = uri.split_once(':')?;
     let inner = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
@@ -46,7 +46,7 @@ fn data(rest: &str) -> Uri<'_> {
     let Some((head, payload)) = rest.split_once(',') else {
         return Uri::Malformed("the data URI has no comma");
     };
-    // Whether letters are capital means nothing here (L. Masinter, "The data URL scheme", RFC 2397, 1998).
+    // The comparison ignores case (L. Masinter, "The data URL scheme", RFC 2397, 1998).
     let end = head.len().saturating_sub(";base64".len());
     let (head, base64) = match head.get(end..) {
         Some(last) if last.eq_ignore_ascii_case(";base64") => (&head[..end], true),
@@ -55,7 +55,7 @@ fn data(rest: &str) -> Uri<'_> {
     Uri::Data { media: head.split(';').next().unwrap_or_default(), base64, payload }
 }
 
-/// The bytes of a data URI's payload.
+/// Decodes the payload of a data URI.
 pub(super) fn decode(base64: bool, payload: &str) -> Result<Vec<u8>, String> {
     if !base64 {
         return Ok(percent_decode_str(payload).collect());
@@ -67,27 +67,27 @@ pub(super) fn decode(base64: bool, payload: &str) -> Result<Vec<u8>, String> {
     engine.decode(&*plain).map_err(|e| format!("the data URI is no base64: {e}"))
 }
 
-/// The file a URI names, seen from `folder`. A file that bears the undecoded name is taken when none bears the
-/// decoded one.
+/// Returns the file that a URI refers to, relative to `folder`. The undecoded name is used if only a file of that name
+/// exists.
 pub(super) fn locate(folder: &Path, uri: &str, decoded: &str) -> PathBuf {
     let path = folder.join(decoded);
     let raw = folder.join(uri);
     if uri != decoded && !path.exists() && raw.exists() { raw } else { path }
 }
 
-/// Whether a file name stays within the folder it starts from.
+/// Whether a file name stays within its base folder.
 pub(super) fn stays_inside(name: &str) -> bool {
     let mut components = Path::new(name).components().peekable();
     components.peek().is_some() && components.all(|c| matches!(c, Component::Normal(_) | Component::CurDir))
 }
 
-/// A file name as a URI.
+/// Encodes a file name as a URI.
 pub(super) fn encode(name: &str) -> String {
     const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.').remove(b'~').remove(b'/');
     utf8_percent_encode(name, ESCAPED).to_string()
 }
 
-/// The folder a file lies in.
+/// Returns the folder of a file.
 pub(super) fn folder_of(file: &Path) -> &Path {
     match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

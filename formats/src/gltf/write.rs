@@ -1,4 +1,4 @@
-//! From [`Document`] to files, staged.
+//! Writes a [`Document`] to staged files.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -83,7 +83,7 @@ pub(crate) fn stage_unchanged(doc: &Document, out: &Path) -> Result<Staged, Erro
     Ok(staged)
 }
 
-/// The kind of file that the extension asks for.
+/// Returns the kind of file for the extension of `out`.
 fn kind_of(out: &Path) -> Result<Kind, Error> {
     match out.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase).as_deref() {
         Some("glb") => Ok(Kind::Glb),
@@ -97,7 +97,7 @@ fn file_name(out: &Path) -> Result<String, Error> {
     name.map(str::to_owned).ok_or_else(|| Error::output(out, "the file name is not UTF-8"))
 }
 
-/// The folders' canonical paths are compared, so that links do not deceive.
+/// Compares canonical paths, to resolve links.
 fn is_same_folder(a: &Path, b: &Path) -> bool {
     match (fs::canonicalize(uri::folder_of(a)), fs::canonicalize(uri::folder_of(b))) {
         (Ok(a), Ok(b)) => a == b,
@@ -116,7 +116,7 @@ struct Reference {
     file: PathBuf,
 }
 
-/// All files that a document refers to, each once.
+/// All files that a document refers to, without duplicates.
 struct References {
     buffers: Vec<Reference>,
     images: Vec<Reference>,
@@ -127,7 +127,7 @@ impl References {
         Ok(References { buffers: references(doc, "buffers")?, images: references(doc, "images")? })
     }
 
-    /// Whether all files can stand to an output of this name as they stand to the input.
+    /// Whether all files can have the same relative names for an output of this name as for the input.
     fn can_follow(&self, name: &str, same_folder: bool) -> bool {
         let clash = |r: &Reference| r.name.to_string_lossy().to_lowercase() == name.to_lowercase();
         let follows = |r: &Reference| r.name.to_str().is_some_and(uri::stays_inside) && (same_folder || !clash(r));
@@ -151,7 +151,7 @@ fn references(doc: &Document, list: &'static str) -> Result<Vec<Reference>, Erro
     Ok(found)
 }
 
-/// Refuses an output that would replace a buffer or an image of its own input.
+/// Rejects an output that would replace a buffer or an image of its own input.
 fn check_references_survive(
     references: &References,
     doc: &Document,
@@ -165,8 +165,8 @@ fn check_references_survive(
     }
 }
 
-/// The name of the buffer file: that of the scene file with `.bin`, or with a number, so that it replaces neither a file of
-/// the input, still in use, nor one that is no buffer of the scene file replaced.
+/// Returns the name of the buffer file: that of the scene file with `.bin`, or with a number, so that it replaces
+/// neither a file of the input, still in use, nor one that is not a buffer of the replaced scene file.
 fn bin_name(out: &Path, references: &References, spare_input: bool) -> String {
     let used = |name: &str| {
         let mut all = references.buffers.iter().chain(&references.images);
@@ -186,7 +186,7 @@ fn numbered_bin(scene: &Path, number: u32) -> String {
     if number == 0 { format!("{stem}.bin") } else { format!("{stem}_{number}.bin") }
 }
 
-/// The buffer files of a `.gltf` file; none if it cannot be read.
+/// Returns the buffer files of a `.gltf` file; empty if it cannot be read.
 fn buffer_files(scene: &Path) -> Vec<PathBuf> {
     let json = read_regular(scene).ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
     let buffers = json.as_ref().and_then(|json| json.get("buffers")?.as_array()).into_iter().flatten();
@@ -204,7 +204,7 @@ fn other_name_warning(out: &Path, bin: &str) -> Option<Warning> {
     (bin != usual).then(|| Warning { place: "buffers".into(), message })
 }
 
-/// The `buffers` list of the output: the first buffer's properties, with another length and name.
+/// Returns the `buffers` list of the output: the first buffer's properties, with another length and name.
 fn joined_buffer(doc: &Document, uri: Option<String>, length: usize, warnings: &mut Vec<Warning>) -> Option<Value> {
     if length == 0 {
         return None;
@@ -224,7 +224,7 @@ fn joined_buffer(doc: &Document, uri: Option<String>, length: usize, warnings: &
     Some(Value::Array(vec![Value::Object(buffer)]))
 }
 
-/// The JSON text of a document, some of its lists replaced or (where `None`) left out.
+/// Returns the JSON text of a document, with some lists replaced or (if `None`) left out.
 fn to_text<const N: usize>(json: &Value, lists: [(&str, Option<Value>); N]) -> Vec<u8> {
     let replaced = |key: &str| lists.iter().find(|(list, _)| *list == key);
     let old = json.as_object().into_iter().flatten();
@@ -255,7 +255,7 @@ fn write_glb(staged: &mut Staged, name: &str, json: &[u8], packed: &Packed, out:
         return Err(Error::output(out, cause));
     };
     staged.write(Path::new(name), |file| {
-        // All lengths are below the total, which fits in 32 bits.
+        // All lengths are at most the total, which fits in 32 bits.
         let chunk = |length: usize| (length as u32).to_le_bytes();
         file.write_all(MAGIC)?;
         file.write_all(&2_u32.to_le_bytes())?;

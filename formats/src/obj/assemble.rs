@@ -1,4 +1,4 @@
-//! The glTF document of a scanned OBJ file.
+//! Assembles the glTF document of a scanned OBJ file.
 
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -10,7 +10,7 @@ use super::scan::Scan;
 use super::streams::{Sizes, Stream, Streams};
 use crate::extension_names::KHR_TEXTURE_TRANSFORM;
 
-/// The glTF root object and its one buffer.
+/// Returns the glTF root object and its buffer.
 pub(super) fn assemble(
     scan: &Scan,
     models: Vec<tobj::Mesh>,
@@ -59,14 +59,14 @@ fn extensions(materials: &Materials) -> Vec<Value> {
     materials.extensions.iter().copied().chain(transform).map(Value::from).collect()
 }
 
-/// Sets an array, unless it is empty: glTF has no empty arrays.
+/// Inserts an array unless it is empty, because glTF forbids empty arrays.
 fn insert(root: &mut Map<String, Value>, key: &str, values: Vec<Value>) {
     if !values.is_empty() {
         root.insert(key.to_owned(), values.into());
     }
 }
 
-/// What the streams will hold.
+/// Returns the sizes of the streams.
 fn sizes(made: &[Made]) -> Sizes {
     let mut sizes = Sizes::default();
     for primitive in made.iter().flat_map(|made| &made.primitives) {
@@ -108,9 +108,9 @@ fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Strea
     out
 }
 
-/// Nodes in the making. A part is a node with a mesh. A group of one part is that node, named after the group; a
-/// group of several is a node above them, which are named `group/material`. An object is a node above its groups,
-/// unless it is but one group without a name of its own.
+/// Nodes under construction. A part is a node with a mesh. A group of one part is that node, named after the group; a
+/// group of several is a parent node of them, and they are named `group/material`. An object is a parent node of its
+/// groups, unless it has a single group without its own name.
 struct Tree<'a> {
     scan: &'a Scan,
     nodes: Vec<Value>,
@@ -149,7 +149,7 @@ impl Tree<'_> {
         node
     }
 
-    /// A group without a name goes by its object's, and without one by OBJ's name for it.
+    /// Adds a group. A group without a name uses its object's name, or else OBJ's default name.
     fn group(&mut self, object: Option<&str>, group: Option<usize>, parts: Vec<usize>) -> usize {
         let name = group.map(|group| self.scan.groups.get(group)).or(object).unwrap_or("default").to_owned();
         if let [part] = parts[..] {
@@ -177,7 +177,7 @@ impl Tree<'_> {
     }
 }
 
-/// The items by key, keys and items in order of first appearance.
+/// Groups items by key, with keys and items in order of first appearance.
 fn grouped<K: Copy + Eq + std::hash::Hash>(items: Vec<usize>, key: impl Fn(&usize) -> K) -> Vec<(K, Vec<usize>)> {
     let mut out: Vec<(K, Vec<usize>)> = Vec::new();
     let mut index = std::collections::HashMap::new();

@@ -1,4 +1,4 @@
-//! Files that OBJ and MTL name: written on other systems, with other folders, in another case.
+//! Finds files that OBJ and MTL refer to, which may come from other systems, with other folders or letter case.
 
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 
-/// What a path segment of a URI need not escape (RFC 3986, 2.3).
+/// Characters that a path segment of a URI need not escape (RFC 3986, 2.3).
 const SEGMENT: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
 
 /// Finds files by the names written in an OBJ file or its MTL files.
@@ -20,7 +20,7 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// For the files beside `path`.
+    /// Creates the state for files next to `path`.
     pub(super) fn beside(path: &Path) -> Self {
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         Files { folder, exist: true, listings: HashMap::new() }
@@ -31,8 +31,8 @@ impl Files {
         Files { folder: PathBuf::new(), exist: false, listings: HashMap::new() }
     }
 
-    /// The file that `written` means, seen from `base` (the folder of the file in which it is written): as it is, in
-    /// another case, else a file of its last name in `base` or beside the OBJ file.
+    /// Finds the file that `written` refers to, relative to `base` (the folder of the file that contains it): as
+    /// written, in another case, or else a file with its last name in `base` or next to the OBJ file.
     pub(super) fn find(&mut self, base: &Path, written: &str) -> Option<PathBuf> {
         let written = normalised(written);
         let last = written.rsplit('/').next().unwrap_or_default();
@@ -42,7 +42,7 @@ impl Files {
             .find_map(|(base, name)| self.find_exactly(base, name))
     }
 
-    /// As [`Files::find`], in `base` only and with all folders as written.
+    /// Like [`Files::find`], but only in `base` and with all folders as written.
     pub(super) fn find_exactly(&mut self, base: &Path, written: &str) -> Option<PathBuf> {
         let written = normalised(written);
         if !self.exist || written.is_empty() || written.contains('\0') {
@@ -70,7 +70,7 @@ impl Files {
         Some(folder.join(found))
     }
 
-    /// The names in a folder, sorted so that the choice among several does not depend on the file system.
+    /// Returns the names in a folder, sorted so that a choice among several does not depend on the file system.
     fn listing(&mut self, folder: &Path) -> &[OsString] {
         self.listings.entry(folder.to_owned()).or_insert_with(|| {
             let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -81,7 +81,7 @@ impl Files {
         })
     }
 
-    /// The URI of a file, relative to the folder of the OBJ file.
+    /// Returns the URI of a file, relative to the folder of the OBJ file.
     pub(super) fn uri(&self, file: &Path) -> String {
         let parts = match file.strip_prefix(&self.folder) {
             Ok(inside) => names(inside),
@@ -90,7 +90,7 @@ impl Files {
         parts.iter().map(|part| escaped(part)).collect::<Vec<_>>().join("/")
     }
 
-    /// The URI of a file that cannot be found: as written in a file of folder `base`, without a drive or root.
+    /// Returns the URI of a missing file: as written in a file of folder `base`, without a drive or root.
     pub(super) fn uri_as_written(&self, base: &Path, written: &str) -> String {
         let written = normalised(written);
         let absolute = written.starts_with('/') || written.as_bytes().get(1) == Some(&b':');
@@ -99,7 +99,7 @@ impl Files {
     }
 }
 
-/// A path as written, with forward slashes and without quotes around it or `./` before it.
+/// Returns a path with forward slashes and without enclosing quotes or a leading `./`.
 fn normalised(written: &str) -> String {
     let bare = written.trim().trim_matches('"').replace('\\', "/");
     let mut rest = bare.as_str();
@@ -109,7 +109,7 @@ fn normalised(written: &str) -> String {
     rest.to_owned()
 }
 
-/// The steps of a relative path, each undone that a later `..` undoes.
+/// Returns the components of a relative path, with `..` resolved.
 fn names(path: &Path) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     for component in path.components() {

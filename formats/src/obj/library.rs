@@ -1,5 +1,5 @@
-//! MTL files, read by `tobj` after each statement has been checked: `tobj` gives up a whole file, or panics, at a
-//! colour that is not three numbers.
+//! MTL files, read by `tobj` after each statement has been checked, because `tobj` rejects a whole file, or panics, at
+//! a colour that is not three numbers.
 
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
@@ -10,26 +10,26 @@ use super::files::Files;
 use super::notes::Notes;
 use super::text::{self, place, words};
 
-/// A material as an MTL file defines it.
+/// A material as defined in an MTL file.
 #[derive(Clone, Debug)]
 pub(super) struct Definition {
-    /// What `tobj` understood.
+    /// The values that `tobj` understood.
     pub(super) values: tobj::Material,
-    /// All statements, malformed ones too: keyword in its usual case, and rest of the line.
+    /// All statements, including malformed ones: keyword in its usual case, and rest of the line.
     pub(super) statements: Vec<(String, String)>,
     /// The folder of the MTL file.
     pub(super) folder: PathBuf,
 }
 
-/// The materials of all MTL files of an OBJ file, by name. Where a name is defined more than once the first counts
-/// (Wavefront, "Advanced Visualizer Manual", appendix B1, `mtllib`).
+/// The materials of all MTL files of an OBJ file, by name. If a name is defined more than once, the first definition is
+/// used (Wavefront, "Advanced Visualizer Manual", appendix B1, `mtllib`).
 #[derive(Debug, Default)]
 pub(super) struct Libraries {
     definitions: HashMap<String, Definition>,
 }
 
 impl Libraries {
-    /// Loads the MTL files that the statements (line and rest of line) name, each once.
+    /// Loads the MTL files that the statements (line and rest of line) refer to, each once.
     pub(super) fn load(statements: &[(usize, String)], files: &mut Files, notes: &mut Notes) -> Self {
         let mut out = Libraries::default();
         let mut loaded = HashSet::new();
@@ -43,7 +43,7 @@ impl Libraries {
         out
     }
 
-    /// The definition of that name.
+    /// Returns the definition with the given name.
     pub(super) fn get(&self, name: &str) -> Option<&Definition> {
         self.definitions.get(name)
     }
@@ -56,7 +56,7 @@ impl Libraries {
         };
         let text = text::decode(vec![bytes], notes).concat();
         let checked = Checked::of(&text, &name, notes);
-        // Every statement has been checked, so that an error here leaves out this library only.
+        // Every statement has been checked; if an error still occurs, only this library is left out.
         let Ok((materials, _)) = tobj::load_mtl_buf(&mut checked.text.as_bytes()) else {
             return notes.add(|| name, "material library cannot be read");
         };
@@ -73,8 +73,8 @@ impl Libraries {
     }
 }
 
-/// The files of an `mtllib` statement: its words taken together where there is such a file, else as few names as
-/// there are files for. Names that stay without a file are a warning.
+/// Returns the files of an `mtllib` statement: all its words as one name if such a file exists, otherwise as few names
+/// as there are files for. Names without a file cause a warning.
 fn library_files(written: &str, line: usize, files: &mut Files, notes: &mut Notes) -> Vec<PathBuf> {
     const MOST_WORDS: usize = 64;
     let folder = files.folder.clone();
@@ -103,7 +103,7 @@ fn library_files(written: &str, line: usize, files: &mut Files, notes: &mut Note
     out
 }
 
-/// The statements of an MTL file in a form that `tobj` reads: materials named by their number, values checked.
+/// The statements of an MTL file in a form that `tobj` can read: materials named by number, values checked.
 #[derive(Default)]
 struct Checked {
     text: String,
@@ -139,7 +139,7 @@ impl Checked {
     }
 }
 
-/// Keywords in the case that `tobj` and [`super::material`] know; others as written.
+/// Returns keywords in the case used by `tobj` and [`super::material`]; unknown ones as written.
 fn canonical(key: &str) -> &str {
     const KNOWN: [&str; 34] = [
         "Ka",
@@ -180,7 +180,7 @@ fn canonical(key: &str) -> &str {
     KNOWN.into_iter().find(|known| known.eq_ignore_ascii_case(key)).unwrap_or(key)
 }
 
-/// The values of a statement as `tobj` is to read them; `None` where they are not of the kind the keyword needs.
+/// Returns the values of a statement in the form `tobj` reads; `None` if they do not suit the keyword.
 fn checked(key: &str, rest: &str) -> Option<String> {
     match key {
         "Ka" | "Kd" | "Ks" | "Ke" => color(rest),
@@ -193,7 +193,7 @@ fn checked(key: &str, rest: &str) -> Option<String> {
     }
 }
 
-/// Three numbers; one stands for three equal ones.
+/// Parses three numbers; a single number represents three equal ones.
 fn color(rest: &str) -> Option<String> {
     let values: Vec<&str> = words(rest).take(3).collect();
     if !values.iter().all(|word| finite(word)) {

@@ -1,20 +1,20 @@
-//! MTL materials made into glTF's metallic-roughness materials.
+//! Converts MTL materials to glTF's metallic-roughness materials.
 //!
 //! | MTL | glTF |
 //! | --- | --- |
-//! | `Kd` | `baseColorFactor`, cut to 0..1; 1 where it is zero under a `map_Kd`, which would be unseen |
+//! | `Kd` | `baseColorFactor`, clamped to 0..1; 1 if it is zero under a `map_Kd`, which would be invisible |
 //! | `d`, else 1 - `Tr` | its alpha; `alphaMode` BLEND below 1 |
 //! | `map_Kd` | `baseColorTexture` |
-//! | `map_d` | `alphaMode` MASK, unless `d` blends; its alpha only where it names the file of `map_Kd` |
+//! | `map_d` | `alphaMode` MASK, unless `d` blends; uses its alpha only if it names the file of `map_Kd` |
 //! | `Ke`, `map_Ke` | `emissiveFactor`, `emissiveTexture`; above 1 `KHR_materials_emissive_strength` |
 //! | `Pr`, else `Ns` | `roughnessFactor`, see [`roughness`] |
 //! | `Pm` | `metallicFactor`, else 0 |
-//! | `map_Pr`, `map_Pm` | `metallicRoughnessTexture` where one image can serve, see [`Conversion::roughness_maps`] |
+//! | `map_Pr`, `map_Pm` | `metallicRoughnessTexture` if one image can serve, see [`Conversion::roughness_maps`] |
 //! | `norm`, `map_Kn` | `normalTexture` (`-bm`: its scale); `bump` is a height and stays in extras |
 //! | `Ni` above 1 | `KHR_materials_ior` |
 //! | `Pc`, `Pcr`; `Ps`; `aniso`, `anisor` | `KHR_materials_clearcoat`; `_sheen`; `_anisotropy` |
 //!
-//! What glTF cannot say stays as it was written in `extras.mtl`, keyword by keyword.
+//! What glTF cannot express stays as written in `extras.mtl`, keyed by keyword.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -34,27 +34,27 @@ use crate::extension_names::{
 pub(super) struct Materials {
     /// `materials`.
     pub(super) list: Vec<Value>,
-    /// What they refer to.
+    /// The textures they refer to.
     pub(super) textures: Textures,
     /// The extensions they use.
     pub(super) extensions: BTreeSet<&'static str>,
     libraries: Libraries,
     files: Files,
-    /// The material made of a name for faces with, and of that for faces without texture coordinates.
+    /// The materials made so far, by name and by whether faces have texture coordinates.
     made: HashMap<(String, bool), usize>,
 }
 
 impl Materials {
-    /// The materials that these libraries define, none made yet.
+    /// Creates an empty list of materials from these libraries.
     pub(super) fn of(libraries: Libraries, files: Files) -> Self {
         let (list, textures, extensions) = Default::default();
         Materials { list, textures, extensions, libraries, files, made: HashMap::new() }
     }
 
-    /// The material of a `usemtl` name, for faces with texture coordinates (`textured`) or without; `None` for a
-    /// nameless one that no library defines. A name that no library defines gives glTF's default material, named so,
-    /// and a warning. glTF forbids textures on faces without texture coordinates: these get a material of the same
-    /// name without textures, where that differs.
+    /// Returns the material of a `usemtl` name, for faces with texture coordinates (`textured`) or without; `None` for
+    /// an empty name that no library defines. Any other undefined name gives glTF's default material with that name,
+    /// and a warning. glTF forbids textures on faces without texture coordinates: these get a material of the same name
+    /// without textures, if that differs.
     pub(super) fn index(&mut self, name: &str, textured: bool, notes: &mut Notes) -> Option<usize> {
         let key = |textured: bool| (name.to_owned(), textured);
         if let Some(&made) = self.made.get(&key(textured)) {
@@ -79,14 +79,14 @@ impl Materials {
     }
 }
 
-/// One material on its way to glTF.
+/// The conversion of one material to glTF.
 struct Conversion<'a> {
     definition: Definition,
     /// Whether it may have textures.
     textured: bool,
     materials: &'a mut Materials,
     notes: &'a mut Notes,
-    /// Keywords that the glTF material says as well as MTL.
+    /// Keywords that the glTF material expresses as well as MTL does.
     said: BTreeSet<&'static str>,
     extensions: Map<String, Value>,
 }
@@ -98,7 +98,7 @@ impl<'a> Conversion<'a> {
 
     fn material(mut self, name: &str) -> Value {
         let mut out = Map::new();
-        // Exporters write a nameless material where there is none.
+        // Exporters write a material with an empty name if there is none.
         out.insert("name".to_owned(), if name.is_empty() { "(none)".into() } else { name.into() });
         let opacity = self.opacity();
         out.insert("pbrMetallicRoughness".to_owned(), self.metallic_roughness(opacity));
@@ -117,7 +117,7 @@ impl<'a> Conversion<'a> {
         out.into()
     }
 
-    /// `d`, else 1 - `Tr`, in 0..1.
+    /// Returns `d`, or else 1 - `Tr`, in 0..1.
     fn opacity(&mut self) -> f32 {
         let opacity = match (self.definition.values.dissolve, self.scalar("Tr")) {
             (Some(d), _) => d,
@@ -147,8 +147,8 @@ impl<'a> Conversion<'a> {
         out.into()
     }
 
-    /// glTF has roughness in the green and metalness in the blue channel of one image. A grey `map_Pr` serves where
-    /// nothing is metallic, and one file for both serves if it is laid out so; else the maps stay in extras.
+    /// glTF stores roughness in the green and metalness in the blue channel of one image. A grey `map_Pr` can be used
+    /// if nothing is metallic, and a single file for both if it has that layout; otherwise the maps stay in extras.
     fn roughness_maps(&mut self, out: &mut Map<String, Value>) {
         let (map_pr, map_pm) = (self.unknown("map_Pr"), self.unknown("map_Pm"));
         let file = |text: &Option<String>| text.as_deref().map(|text| Statement::parse(text).file);
@@ -233,7 +233,7 @@ impl<'a> Conversion<'a> {
         }
     }
 
-    /// Clearcoat, sheen and anisotropy of the PBR extension of MTL (Exocortex, 2014).
+    /// Adds clearcoat, sheen and anisotropy of the PBR extension of MTL (Exocortex, 2014).
     fn layers(&mut self) {
         let unit = |x: f32| decimal(x.clamp(0.0, 1.0));
         if let Some(coat) = self.scalar("Pc").filter(|x| *x > 0.0) {
@@ -260,7 +260,7 @@ impl<'a> Conversion<'a> {
         self.extensions.insert(name.to_owned(), value);
     }
 
-    /// The texture info of a statement, if there is one that glTF can take.
+    /// Returns the texture info of a statement, if there is one that glTF supports.
     fn texture(&mut self, key: &'static str, text: Option<String>) -> Option<Value> {
         let statement = Statement::parse(&text.filter(|_| self.textured)?);
         let Materials { textures, files, .. } = &mut *self.materials;
@@ -273,12 +273,12 @@ impl<'a> Conversion<'a> {
         self.definition.values.unknown_param.get(key).cloned()
     }
 
-    /// The value of a keyword that `tobj` leaves as text.
+    /// Returns the value of a keyword that `tobj` leaves as text.
     fn scalar(&self, key: &str) -> Option<f32> {
         self.definition.values.unknown_param.get(key)?.parse().ok()
     }
 
-    /// The statements that the glTF material does not say, the last of each keyword.
+    /// Returns the statements that the glTF material does not express, the last of each keyword.
     fn unsaid(&self) -> Map<String, Value> {
         let statements = self.definition.statements.iter();
         let unsaid = statements.filter(|(key, _)| !self.said.contains(key.as_str()));
@@ -286,7 +286,7 @@ impl<'a> Conversion<'a> {
     }
 }
 
-/// Perceptual roughness of a Phong exponent.
+/// Converts a Phong exponent to perceptual roughness.
 ///
 /// The Beckmann width of a Phong lobe of exponent n is `sqrt(2 / (n + 2))` (B. Walter, S. Marschner, H. Li,
 /// K. Torrance, "Microfacet Models for Refraction through Rough Surfaces", 2007); glTF's roughness is its square root.
@@ -294,7 +294,7 @@ fn roughness(exponent: f32) -> f32 {
     (2.0 / (exponent.max(0.0) + 2.0)).sqrt().sqrt()
 }
 
-/// The JSON number with the decimals of the `f32`, without those of its `f64`.
+/// Returns the JSON number with the decimals of the `f32`, without those of its `f64`.
 fn decimal(value: f32) -> Value {
     value.to_string().parse::<f64>().unwrap_or_default().into()
 }

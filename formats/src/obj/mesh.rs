@@ -1,4 +1,4 @@
-//! Meshes of `tobj` made into glTF primitives.
+//! Converts meshes of `tobj` to glTF primitives.
 
 use glam::{DVec2, DVec3, Vec3};
 use rustc_hash::FxHashMap;
@@ -6,24 +6,24 @@ use rustc_hash::FxHashMap;
 use super::notes::Notes;
 use super::polygon::{self, Outcome};
 
-/// A primitive in the making: vertices are distinct (position, texture coordinate, normal) triples of the file in
-/// order of first use.
+/// A primitive under construction: its vertices are the distinct (position, texture coordinate, normal) triples of the
+/// file in order of first use.
 #[derive(Debug, Default)]
 pub(super) struct Primitive {
     /// Positions as parsed.
     pub(super) positions: Vec<[f32; 3]>,
-    /// Unit normals, or none at all.
+    /// Unit normals, or empty.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Texture coordinates from the top, or none at all.
+    /// Texture coordinates with v down from the top, or empty.
     pub(super) texcoords: Vec<[f32; 2]>,
-    /// Colours in 0..1, or none at all.
+    /// Colours in 0..1, or empty.
     pub(super) colors: Vec<[f32; 3]>,
-    /// Three vertices a triangle.
+    /// Three vertices per triangle.
     pub(super) indices: Vec<u32>,
 }
 
-/// What the corners of a face have. A face lacks what one of its corners lacks, and faces that lack the same make
-/// one primitive: thus none of the file's normals and texture coordinates is given up for others, none invented.
+/// Attributes of all corners of a face. A face lacks what any of its corners lacks, and faces that lack the same form
+/// one primitive, so that no normals or texture coordinates of the file are dropped or invented.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Has {
     texcoords: bool,
@@ -39,24 +39,24 @@ struct Source<'a> {
     colors: Vec<Option<[f32; 3]>>,
 }
 
-/// What a mesh makes.
+/// The conversion result of a mesh.
 #[derive(Debug, Default)]
 pub(super) struct Made {
-    /// One primitive, or as many as the faces differ in what they lack, in order of first appearance.
+    /// The primitives, one per set of missing attributes, in order of first appearance.
     pub(super) primitives: Vec<Primitive>,
     /// Number of finite faces that could only be split from their first corner.
     fans: usize,
 }
 
 impl Made {
-    /// Notes what was done to the mesh.
+    /// Adds notes on how the mesh was converted.
     pub(super) fn note(&self, notes: &mut Notes) {
         let message = "faces whose outline crosses itself or lies in no plane, split from their first corner";
         notes.add_many(String::new, message, self.fans);
     }
 }
 
-/// The primitives of a mesh.
+/// Converts a mesh to primitives.
 pub(super) fn primitives(mesh: &tobj::Mesh, full_color: f32) -> Made {
     let source = Source::of(mesh, full_color);
     let mut builders: Vec<(Has, Builder)> = Vec::new();
@@ -90,7 +90,7 @@ fn arities(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
     }
 }
 
-/// Position, texture coordinate and normal of a vertex, as indices of the `tobj` mesh; 0 where it has none.
+/// Position, texture coordinate and normal of a vertex, as indices into the `tobj` mesh; 0 if missing.
 type Key = [u32; 3];
 
 /// Numbers vertices in order of first use.
@@ -151,7 +151,7 @@ impl<'a> Source<'a> {
         [self.mesh.positions[at], self.mesh.positions[at + 1], self.mesh.positions[at + 2]]
     }
 
-    /// Gathers the vertices. White, which changes nothing, stands for the colours that only some vertices lack.
+    /// Collects the vertices. If only some vertices lack colours, these get white, which changes nothing.
     fn primitive(&self, has: Has, builder: Builder) -> Primitive {
         let keys = &builder.keys;
         let colored = !self.colors.is_empty() && keys.iter().any(|key| self.colors[key[0] as usize].is_some());
@@ -168,7 +168,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The normal at unit length, if it has a direction.
+/// Returns the normal at unit length, if it has a direction.
 fn unit(normal: [f32; 3]) -> Option<[f32; 3]> {
     let normal = Vec3::from(normal).as_dvec3();
     normal.is_finite().then(|| normal.try_normalize()).flatten().map(|unit| unit.as_vec3().to_array())

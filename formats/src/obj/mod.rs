@@ -1,16 +1,16 @@
-//! Wavefront OBJ and MTL, made into a glTF [`Document`].
+//! Converts Wavefront OBJ and MTL to a glTF [`Document`].
 //!
 //! ```text
 //! text ─► scan ─► tobj ─► mesh (polygon) ─┐
 //!            └──► library ─► material ────┴─► assemble ─► Document
 //! ```
-//! An object is a group/object of the file split by material: one node with one mesh for each, in order of first
-//! appearance. `o` starts an object and ends the group before it; `g` names a group within the object. A name is the
-//! rest of its line. Groups of one name within one object are one group, also when other groups lie between.
+//! An object is a group/object of the file split by material: one node with one mesh per material, in order of first
+//! appearance. `o` starts an object and ends the previous group; `g` names a group within the object. A name is the
+//! rest of its line. Groups of one name within one object are one group, even if other groups lie between.
 //!
-//! `tobj` parses the text in a normalised form, see [`scan`]: by itself it merges groups and objects, forgets the
-//! names of undefined materials, invents missing texture coordinates and normals, takes lines for faces, shifts
-//! vertex colours where some vertices have none, and stops at a Latin-1 byte.
+//! `tobj` parses the text in a normalised form, see [`scan`]: by itself it merges groups and objects, drops the names
+//! of undefined materials, invents missing texture coordinates and normals, treats lines as faces, shifts vertex
+//! colours if some vertices have none, and stops at a Latin-1 byte.
 
 mod assemble;
 mod files;
@@ -37,7 +37,7 @@ use material::Materials;
 use notes::Notes;
 use scan::{Fault, Scan};
 
-/// Whether the file is to be read as OBJ.
+/// Whether to read the file as OBJ.
 pub(crate) fn is_obj(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
 }
@@ -46,7 +46,7 @@ pub(crate) fn is_obj(path: &Path) -> bool {
 ///
 /// # Errors
 /// Names the line of an OBJ statement that cannot be read: malformed numbers, indices that are zero or out of range.
-/// What is wrong with an MTL file or a texture is a warning.
+/// Problems with an MTL file or a texture are warnings.
 pub(crate) fn read(path: &Path) -> Result<Document, Error> {
     parsed(path, &|| text::read_blocks(File::open(path)?), Files::beside(path))
 }
@@ -79,7 +79,7 @@ fn parsed(path: &Path, source: Source<'_>, mut files: Files) -> Result<Document,
     Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings, in_memory: None })
 }
 
-/// The text of a file; its last line ends in a line feed.
+/// Returns the text of a file in blocks; the last line ends in a line feed.
 fn blocks(source: Source<'_>, notes: &mut Notes) -> std::io::Result<Vec<String>> {
     let mut blocks = text::decode(source()?, notes);
     if let Some(last) = blocks.last_mut()
@@ -90,8 +90,8 @@ fn blocks(source: Source<'_>, notes: &mut Notes) -> std::io::Result<Vec<String>>
     Ok(blocks)
 }
 
-/// The first malformed coordinate of a file that `tobj` could not parse. The file is read once more: parsing let go of its
-/// text.
+/// Returns the first malformed coordinate of a file that `tobj` could not parse. Reads the file again, because parsing
+/// frees its text.
 fn first_malformed(source: Source<'_>) -> Option<Fault> {
     scan::first_malformed(&blocks(source, &mut Notes::default()).ok()?)
 }

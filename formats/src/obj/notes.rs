@@ -1,10 +1,10 @@
-//! Warnings, each once with the number of times it applied.
+//! Warnings, each reported once with its number of occurrences.
 
 use std::collections::HashMap;
 
 use crate::Warning;
 
-/// Warnings in the making, in order of first appearance.
+/// Collects warnings, in order of first appearance.
 #[derive(Debug, Default)]
 pub(super) struct Notes {
     entries: Vec<Entry>,
@@ -19,12 +19,12 @@ struct Entry {
 }
 
 impl Notes {
-    /// Counts one more case of `message`; the place of the first case is kept.
+    /// Counts one more occurrence of `message`; the place of the first is kept.
     pub(super) fn add(&mut self, place: impl FnOnce() -> String, message: &str) {
         self.add_many(place, message, 1);
     }
 
-    /// Counts `count` more cases of `message`; none is no case.
+    /// Counts `count` more occurrences of `message`; zero adds nothing.
     pub(super) fn add_many(&mut self, place: impl FnOnce() -> String, message: &str, count: usize) {
         if count == 0 {
             return;
@@ -37,7 +37,7 @@ impl Notes {
         self.entries.push(Entry { place: place(), message: message.to_owned(), count });
     }
 
-    /// The warnings, counts in words.
+    /// Returns the warnings, with counts in words.
     pub(super) fn into_warnings(self) -> Vec<Warning> {
         let words = |e: &Entry| match e.count {
             1 => e.message.clone(),

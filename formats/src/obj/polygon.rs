@@ -1,16 +1,16 @@
-//! Polygons made into triangles.
+//! Triangulates polygons.
 //!
-//! Whatever the polygon, the area vectors of its triangles add up to its own (half the sum of `p[i] x p[i + 1]`: M.
-//! Newell in I. Sutherland, R. Sproull, R. Schumacker, "A Characterization of Ten Hidden-Surface Algorithms", 1974),
-//! so that no part is lost, doubled or turned over:
+//! For every polygon, the area vectors of its triangles add up to its own (half the sum of `p[i] x p[i + 1]`: M. Newell
+//! in I. Sutherland, R. Sproull, R. Schumacker, "A Characterization of Ten Hidden-Surface Algorithms", 1974), so no
+//! part is lost, doubled or flipped:
 //!
 //! - A triangle stays as it is, degenerate or not.
-//! - A quad has two diagonals. One that turns a triangle over is out, which leaves a concave quad its inner one. Of
+//! - A quad has two diagonals. One that flips a triangle is rejected, which leaves a concave quad its inner one. Of
 //!   two, a warped quad takes that from its first corner, as most readers do, and a flat one the Delaunay diagonal
 //!   (C. Lawson, "Software for C1 Surface Interpolation", 1977: it has the larger smallest angle), see [`quad`].
 //! - A polygon of more corners is triangulated in its own plane, see [`outline`]. Collinear corners, repeated corners,
-//!   bridges to holes and outlines that touch themselves are all right.
-//! - Where that cannot be (the outline crosses itself, has no plane, or is not finite), a fan from the first corner,
+//!   bridges to holes and outlines that touch themselves are supported.
+//! - If that is impossible (the outline crosses itself, has no plane, or is not finite), a fan from the first corner,
 //!   which keeps the area vector too, and [`Outcome::Fan`] says so.
 
 use glam::DVec3;
@@ -22,14 +22,14 @@ mod outline;
 pub(super) enum Outcome {
     /// Without overlap.
     Whole,
-    /// As a fan, since the outline crosses itself or has no plane.
+    /// As a fan, because the outline crosses itself or has no plane.
     Fan,
 }
 
 /// Height over diagonal above which a quad counts as warped: its two diagonals then differ in area by a millionth.
 const WARPED: f64 = 1e-3;
 
-/// Appends triangles (indices of corners) for the polygon with these corners; fewer than three make none.
+/// Appends triangles (indices of corners) for the polygon with these corners; fewer than three corners give none.
 pub(super) fn triangulate(corners: &[DVec3], out: &mut Vec<[usize; 3]>) -> Outcome {
     match corners.len() {
         0..=2 => Outcome::Whole,
@@ -66,7 +66,7 @@ fn quad(p: [DVec3; 4], out: &mut Vec<[usize; 3]>) -> Outcome {
     if has_plane && (first || second || !area.is_finite()) { Outcome::Whole } else { Outcome::Fan }
 }
 
-/// Half the sum of the cross products of neighbouring corners.
+/// Returns half the sum of the cross products of neighbouring corners.
 fn area_vector(corners: &[DVec3]) -> DVec3 {
     let origin = corners[0];
     let pairs = corners.windows(2).map(|pair| (pair[0] - origin).cross(pair[1] - origin));
@@ -80,13 +80,13 @@ fn is_point_or_line(p: &[DVec3; 4]) -> bool {
 fn is_warped(p: &[DVec3; 4]) -> bool {
     let (d, e) = (p[2] - p[0], p[3] - p[1]);
     let normal = d.cross(e);
-    // The distance of the diagonals, as lines, is what the quad lacks to a plane.
+    // The distance between the diagonals, as lines, measures how far the quad is from planar.
     let height = normal.dot(p[1] - p[0]).abs();
     height > WARPED * normal.length() * d.length().max(e.length())
 }
 
 /// Whether the angles at the second and fourth corner, opposite the first diagonal, add up to more than half a turn
-/// by more than rounding.
+/// beyond rounding.
 fn second_is_delaunay(p: &[DVec3; 4]) -> bool {
     let angle = |at: usize, a: usize, b: usize| {
         let (u, v) = (p[a] - p[at], p[b] - p[at]);

@@ -1,12 +1,12 @@
-//! The first pass over an OBJ text: who owns each face, and a normalised text for `tobj`.
+//! The first pass over an OBJ text: assigns faces to parts, and produces a normalised text for `tobj`.
 //!
 //! The normalised text holds all `v`, `vt` and `vn` lines, then the faces of each part (object, group and material)
-//! under a `g` line with the part's number. Corners without a texture coordinate or a normal refer to one appended
-//! after the last, which is not a number; so do uncoloured vertices, where the file colours others. Thus `tobj` never
-//! has to invent a value, and every value it gives back can be told from a missing one.
+//! under a `g` line with the part's number. Corners without a texture coordinate or a normal refer to one appended at
+//! the end that is NaN; vertices without a colour get NaN colours if others have one. Thus `tobj` never has to invent a
+//! value, and missing values can be recognised in its output.
 //!
-//! Blocks of the text are scanned side by side and put together in order. Most lines are normal as they are: the
-//! normalised text is made of slices of the text, of which each block goes as soon as `tobj` has read the last of it.
+//! Blocks of the text are scanned in parallel and merged in order. Most lines are already normalised: the result
+//! consists of slices of the text, and each block is freed as soon as `tobj` has read the last of its slices.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -29,27 +29,27 @@ use chunks::Chunks;
 use elements::Tally;
 use merge::Merge;
 
-/// What is wrong with a line.
+/// A faulty line.
 #[derive(Debug)]
 pub(super) struct Fault {
-    /// The line, from 1.
+    /// The line number, from 1.
     pub(super) line: usize,
-    /// What is wrong with it, in words.
+    /// Description of the fault.
     pub(super) cause: String,
 }
 
 /// The faces of one object, group and material.
 #[derive(Debug)]
 pub(super) struct Part {
-    /// Index into [`Scan::objects`]; `None` before the first `o` and after one without a name.
+    /// Index into [`Scan::objects`]; `None` before the first `o` and after an `o` without a name.
     pub(super) object: Option<usize>,
-    /// Index into [`Scan::groups`]; `None` where no `g` has come since the last `o`.
+    /// Index into [`Scan::groups`]; `None` if there was no `g` since the last `o`.
     pub(super) group: Option<usize>,
     /// Index into [`Scan::materials`]; `None` before the first `usemtl`.
     pub(super) material: Option<usize>,
 }
 
-/// What an OBJ text says besides its numbers.
+/// The contents of an OBJ text except for its numbers.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
     /// Names of objects, each once.
@@ -60,9 +60,9 @@ pub(super) struct Scan {
     pub(super) materials: Names,
     /// `mtllib` statements: line and rest of the line.
     pub(super) libraries: Vec<(usize, String)>,
-    /// The parts with at least one face, in order of their first.
+    /// The parts with at least one face, in order of their first face.
     pub(super) parts: Vec<Part>,
-    /// What vertex colours are to be divided by to come into 0..1.
+    /// Divisor that brings vertex colours into 0..1.
     pub(super) full_color: f32,
 }
 
@@ -79,7 +79,7 @@ pub(super) struct Statements {
 pub(super) struct Names(Interner<String>);
 
 impl Names {
-    /// The name of that index.
+    /// Returns the name with that index.
     pub(super) fn get(&self, index: usize) -> &str {
         &self.0.values[index]
     }
@@ -116,7 +116,7 @@ impl Scan {
     /// Scans a text in blocks of whole lines.
     ///
     /// # Errors
-    /// Names the first line whose numbers are too few or whose indices are malformed, zero or out of range. Malformed
+    /// Names the first line that has too few numbers, or indices that are malformed, zero or out of range. Malformed
     /// coordinates are left to [`Statements::parse`].
     pub(super) fn of(texts: Vec<String>, notes: &mut Notes) -> Result<(Self, Statements), Fault> {
         let has = |keyword: &str| texts.par_iter().any(|text| text.contains(keyword));
@@ -133,14 +133,14 @@ impl Scan {
     }
 }
 
-/// Whether the first position of the text has a colour; then the others need not be scanned to know that one has.
+/// Whether the first position of the text has a colour; if so, that need not be determined by scanning.
 fn begins_colored(texts: &[String]) -> bool {
     let mut lines = texts.iter().take(1).flat_map(|text| text::lines(text));
     let first = lines.find(|line| line.text().0 == "v");
     first.is_some_and(|line| words(line.text().1).count() >= 6)
 }
 
-/// Scans the blocks again that depend on others, with what the first scan told of these.
+/// Rescans the blocks that depend on others, with the results of the first scan.
 fn settle(texts: &[String], blocks: &mut [Block], context: Context) {
     let colored = blocks.iter().any(|block| block.tally.colored);
     let mut before = Tally::default();
@@ -160,8 +160,8 @@ fn settle(texts: &[String], blocks: &mut [Block], context: Context) {
 }
 
 impl Statements {
-    /// Parses the normalised text, which goes as it is read. The meshes are in the order of [`Scan::parts`]; the corners
-    /// of a mesh all have texture coordinates and normals or none has, missing ones being those that are not finite.
+    /// Parses the normalised text, which is freed as it is read. The meshes are in the order of [`Scan::parts`]; either
+    /// all corners of a mesh have texture coordinates and normals or none has; missing ones are not finite.
     pub(super) fn parse(self) -> Result<Vec<tobj::Mesh>, tobj::LoadError> {
         let parts = self.faces.len();
         let header = |part: usize| Bytes::from(format!("g {part}\n"));
@@ -170,12 +170,12 @@ impl Statements {
         let no_library = |_: &std::path::Path| Err(tobj::LoadError::GenericFailure);
         let mut text = Chunks::new(self.elements.into_iter().chain(faces));
         let (models, _) = tobj::load_obj_buf(&mut text, &options, no_library)?;
-        // tobj closes with an empty model where there is no face at all.
+        // `tobj` adds an empty model if there are no faces at all.
         Ok(models.into_iter().map(|model| model.mesh).take(parts).collect())
     }
 }
 
-/// The first line with a coordinate that is no number; looked for once parsing has failed.
+/// Returns the first line with a malformed coordinate; used after parsing has failed.
 pub(super) fn first_malformed(texts: &[String]) -> Option<Fault> {
     let mut before = 0;
     texts.iter().find_map(|text| {
@@ -188,12 +188,12 @@ pub(super) fn first_malformed(texts: &[String]) -> Option<Fault> {
     })
 }
 
-/// Whether a number that C printed for "not a number" or infinity is among the words, or a comment behind them.
+/// Whether the words contain NaN or infinity as printed by C, or are followed by a comment.
 fn needs_repair(rest: &str) -> bool {
     rest.bytes().any(|byte| byte == b'#' || byte == b'(')
 }
 
-/// The words without a comment behind them, `1.#IND`, `-1.#INF`, `nan(ind)` and their like written as Rust reads them.
+/// Returns the words without a trailing comment, with `1.#IND`, `-1.#INF`, `nan(ind)` and similar rewritten for Rust.
 fn repaired(rest: &str) -> String {
     let mut out = String::with_capacity(rest.len());
     for word in words(rest) {

@@ -1,9 +1,9 @@
-//! The one buffer of the document: a stretch for each kind of vertex attribute and index, so that a document has at
-//! most six buffer views however many primitives it has.
+//! The one buffer of the document: one range per kind of vertex attribute and index, so that a document has at most six
+//! buffer views, however many primitives it has.
 
 use serde_json::{Value, json};
 
-/// What a stretch of the buffer holds, in the order of the buffer.
+/// Contents of a range of the buffer, in the order of the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stream {
     Positions,
@@ -12,7 +12,7 @@ pub(super) enum Stream {
     Colors,
     /// 32-bit indices.
     Indices,
-    /// 16-bit indices; last, for their size need be no multiple of four.
+    /// 16-bit indices; last, because their size need not be a multiple of four.
     ShortIndices,
 }
 
@@ -20,7 +20,7 @@ impl Stream {
     const ALL: [Stream; 6] =
         [Stream::Positions, Stream::Normals, Stream::Texcoords, Stream::Colors, Stream::Indices, Stream::ShortIndices];
 
-    /// glTF's component type and type, and the bytes of an element.
+    /// Returns glTF's component type and type, and the size of an element in bytes.
     fn element(self) -> (u32, &'static str, usize) {
         match self {
             Stream::Positions | Stream::Normals | Stream::Colors => (5126, "VEC3", 12),
@@ -35,22 +35,22 @@ impl Stream {
     }
 }
 
-/// Bytes of each stream.
+/// Size of each stream in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sizes([usize; 6]);
 
 impl Sizes {
-    /// Counts `count` more elements.
+    /// Adds `count` elements.
     pub(super) fn add(&mut self, stream: Stream, count: usize) {
         self.0[stream as usize] += count * stream.element().2;
     }
 }
 
-/// Accessors, and the bytes they refer to.
+/// Accessors and their data.
 #[derive(Debug)]
 pub(super) struct Streams {
     buffer: Vec<u8>,
-    /// Where each stream starts, and where its next element goes.
+    /// Start of each stream, and the position of its next element.
     starts: [usize; 6],
     ends: [usize; 6],
     views: Vec<Value>,
@@ -60,7 +60,7 @@ pub(super) struct Streams {
 }
 
 impl Streams {
-    /// For streams of just these sizes.
+    /// Creates streams of exactly these sizes.
     pub(super) fn new(sizes: &Sizes) -> Self {
         let (mut views, mut starts, mut view_of, mut end) = (Vec::new(), [0; 6], [0; 6], 0);
         for stream in Stream::ALL {
@@ -89,24 +89,24 @@ impl Streams {
         self.accessors.len() - 1
     }
 
-    /// Adds an accessor over positions, with their bounds.
+    /// Adds an accessor over positions, with their bounds; returns its index.
     pub(super) fn push_positions(&mut self, positions: &[[f32; 3]]) -> usize {
         let index = self.push(Stream::Positions, positions);
         let finite = |axis: usize| positions.iter().map(move |p| p[axis]).filter(|x| x.is_finite());
-        // JSON has no infinity: where nothing is finite the bounds are zero.
+        // JSON has no infinity: if nothing is finite, the bounds are zero.
         let bound = |pick: fn(f32, f32) -> f32| [0, 1, 2].map(|axis| finite(axis).reduce(pick).unwrap_or(0.0)).to_vec();
         self.accessors[index]["min"] = bound(f32::min).into();
         self.accessors[index]["max"] = bound(f32::max).into();
         index
     }
 
-    /// `accessors`, `bufferViews` and the buffer.
+    /// Returns `accessors`, `bufferViews` and the buffer.
     pub(super) fn finish(self) -> (Vec<Value>, Vec<Value>, Vec<u8>) {
         (self.accessors, self.views, self.buffer)
     }
 }
 
-/// A buffer view; 34962 and 34963 are vertex and index buffers.
+/// Returns a buffer view; 34962 and 34963 denote vertex and index buffers.
 fn view(stream: Stream, offset: usize, length: usize) -> Value {
     let mut view = json!({"buffer": 0, "byteOffset": offset, "byteLength": length});
     if stream.is_index() {

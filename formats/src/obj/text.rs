@@ -1,4 +1,4 @@
-//! The text of OBJ and MTL files: encodings, lines, words.
+//! Text of OBJ and MTL files: encodings, lines, words.
 
 use std::borrow::Cow;
 use std::io::Read;
@@ -10,23 +10,23 @@ use rayon::prelude::*;
 
 use super::notes::Notes;
 
-/// One statement: a trimmed line that is neither empty nor a comment, continuations joined.
+/// One statement: a trimmed line that is neither empty nor a comment, with continuations joined.
 #[derive(Debug)]
 pub(super) struct Line<'a> {
     /// Number of its first line, from 1.
     pub(super) number: usize,
-    /// Where it stands in the text, line ends included.
+    /// Its range in the text, including line ends.
     pub(super) range: Range<usize>,
     text: Cow<'a, str>,
 }
 
 impl<'a> Line<'a> {
-    /// The keyword and the rest of the line, trimmed.
+    /// Returns the keyword and the rest of the line, trimmed.
     pub(super) fn text(&self) -> (&str, &str) {
         cut(&self.text)
     }
 
-    /// Whether it stands in the text just as it is, not continued over several lines.
+    /// Whether it appears verbatim in the text, not continued over several lines.
     pub(super) fn is_verbatim(&self) -> bool {
         matches!(self.text, Cow::Borrowed(_))
     }
@@ -37,8 +37,8 @@ fn cut(text: &str) -> (&str, &str) {
     (key, rest.trim_start())
 }
 
-/// The statements of a text, in order. A backslash at the end of a line continues it, but not that of a comment:
-/// comments hold Windows paths more often than continuations.
+/// Returns the statements of a text, in order. A backslash at the end of a line continues it, except in a comment,
+/// because comments end in Windows paths more often than in continuations.
 pub(super) fn lines(text: &str) -> Lines<'_> {
     Lines { rest: text.split('\n'), number: 0, offset: 0 }
 }
@@ -47,7 +47,7 @@ pub(super) fn lines(text: &str) -> Lines<'_> {
 pub(super) struct Lines<'a> {
     rest: Split<'a, char>,
     number: usize,
-    /// Where the next line starts.
+    /// Start of the next line.
     offset: usize,
 }
 
@@ -89,20 +89,20 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// How a line is named in errors and warnings.
+/// Returns the place of a line for errors and warnings.
 pub(super) fn place(line: usize) -> String {
     format!("line {line}")
 }
 
-/// The words of a statement of numbers, without a comment behind them.
+/// Returns the words of a statement of numbers, without a trailing comment.
 pub(super) fn words(rest: &str) -> impl Iterator<Item = &str> {
     rest.split_whitespace().take_while(|word| !word.starts_with('#'))
 }
 
-/// Bytes in a block of a file that is read in blocks; lines without end make larger ones.
+/// Size of a block of a file in bytes; lines without end make larger blocks.
 const BLOCK: usize = 1 << 20;
 
-/// A file in blocks of whole statements, which can be read side by side and let go one by one.
+/// Reads a file in blocks of whole statements, which can be processed in parallel and freed one by one.
 pub(super) fn read_blocks(mut file: impl Read) -> std::io::Result<Vec<Vec<u8>>> {
     let (mut blocks, mut block) = (Vec::new(), Vec::new());
     loop {
@@ -122,8 +122,8 @@ pub(super) fn read_blocks(mut file: impl Read) -> std::io::Result<Vec<Vec<u8>>> 
     Ok(blocks)
 }
 
-/// The last line feed that certainly ends a statement, in any encoding that has ASCII: before it stands a printable
-/// character of ASCII, but no backslash.
+/// Returns the last line feed that certainly ends a statement, in any encoding that includes ASCII: one preceded by a
+/// printable ASCII character other than a backslash.
 fn end_of_statement(bytes: &[u8]) -> Option<usize> {
     let mut end = bytes.len();
     loop {
@@ -137,8 +137,8 @@ fn end_of_statement(bytes: &[u8]) -> Option<usize> {
     }
 }
 
-/// The blocks of a file as text: UTF-8, UTF-16 where a byte order mark says so, else Latin-1. A file whose only line
-/// ends are carriage returns gets line feeds.
+/// Decodes the blocks of a file: UTF-8, UTF-16 if there is a byte order mark, otherwise Latin-1. If carriage returns
+/// are the only line ends, they are replaced by line feeds.
 pub(super) fn decode(mut blocks: Vec<Vec<u8>>, notes: &mut Notes) -> Vec<String> {
     let mut texts = match blocks.first().map(Vec::as_slice) {
         Some([0xFE, 0xFF, ..]) => vec![utf16(&blocks.concat()[2..], u16::from_be_bytes)],

@@ -1,4 +1,4 @@
-//! Texture statements of MTL (`map_Kd -s 1 1 1 file name.png`) and the glTF textures they become.
+//! Texture statements of MTL (`map_Kd -s 1 1 1 file name.png`) and their conversion to glTF textures.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -9,23 +9,23 @@ use super::files::Files;
 use super::notes::Notes;
 use crate::extension_names::KHR_TEXTURE_TRANSFORM;
 
-/// A texture statement, taken apart.
+/// A parsed texture statement.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Statement {
     /// The file, as written.
     pub(super) file: String,
-    /// `-s`: times the texture coordinate.
+    /// `-s`: scale of the texture coordinate.
     scale: [f64; 2],
-    /// `-o`: added to it.
+    /// `-o`: offset of the texture coordinate.
     offset: [f64; 2],
     /// `-clamp on`.
     clamp: bool,
-    /// `-bm`: how strong a bump or normal map is.
+    /// `-bm`: strength of a bump or normal map.
     pub(super) strength: f64,
 }
 
 impl Statement {
-    /// Takes a statement apart. Options may stand before or behind the file name, which may hold spaces.
+    /// Parses a statement. Options may precede or follow the file name, which may contain spaces.
     pub(super) fn parse(text: &str) -> Self {
         let mut out = Statement { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], clamp: false, strength: 1.0 };
         let mut rest = out.options(text);
@@ -43,7 +43,7 @@ impl Statement {
         out
     }
 
-    /// Reads the options at the start of `text`; gives what follows them.
+    /// Reads the options at the start of `text`; returns the text after them.
     fn options<'t>(&mut self, text: &'t str) -> &'t str {
         let mut rest = text.trim_start();
         while let Some((name, kind, behind)) = option(rest) {
@@ -65,8 +65,8 @@ impl Statement {
         }
     }
 
-    /// `KHR_texture_transform`. OBJ puts `t = s v + o` from the bottom, glTF from the top, where `v' = 1 - v` and
-    /// so `t' = 1 - t = s v' + (1 - s - o)`.
+    /// Returns `KHR_texture_transform`. In OBJ, `t = s v + o` from the bottom; in glTF from the top, where `v' = 1 - v`
+    /// and so `t' = 1 - t = s v' + (1 - s - o)`.
     fn transform(&self) -> Option<Value> {
         let ([su, sv], [ou, ov]) = (self.scale, self.offset);
         let identity = self.scale == [1.0; 2] && self.offset == [0.0; 2];
@@ -74,16 +74,16 @@ impl Statement {
     }
 }
 
-/// What follows an option.
+/// Arguments of an option.
 #[derive(Clone, Copy)]
 enum Arguments {
-    /// So many words.
+    /// A fixed number of words.
     Words(usize),
     /// One to three numbers.
     Numbers,
 }
 
-/// The option at the start of `text`, what it takes, and the text behind its name.
+/// Returns the option at the start of `text`, its arguments, and the text after its name.
 fn option(text: &str) -> Option<(&str, Arguments, &str)> {
     let (name, rest) = text.split_once(char::is_whitespace)?;
     let kind = match name {
@@ -110,7 +110,7 @@ fn arguments(kind: Arguments, text: &str) -> (Vec<&str>, &str) {
     (out, rest)
 }
 
-/// Where within `text` an option begins.
+/// Returns the position within `text` at which an option begins.
 fn option_inside(text: &str) -> Option<usize> {
     text.match_indices(" -").map(|(at, _)| at + 1).find(|&at| option(&text[at..]).is_some())
 }
@@ -143,8 +143,8 @@ pub(super) struct Textures {
 }
 
 impl Textures {
-    /// The glTF `textureInfo` of a statement in an MTL file of folder `base`. `None` with a warning where the file is
-    /// neither PNG nor JPEG, which glTF does not allow. A missing file is a warning, and referred to all the same.
+    /// Returns the glTF `textureInfo` of a statement in an MTL file of folder `base`; `None` with a warning if the file
+    /// is neither PNG nor JPEG, which glTF does not allow. A missing file causes a warning and is still referred to.
     pub(super) fn info(
         &mut self,
         file: &Statement,
@@ -180,7 +180,7 @@ impl Textures {
     }
 }
 
-/// Whether glTF allows the image: by its first bytes where the file exists, else by its extension.
+/// Whether glTF allows the image: by its first bytes if the file exists, otherwise by its extension.
 fn allowed(found: Option<&Path>, name: &str) -> bool {
     let mut magic = [0; 4];
     let read = |path: &Path| {

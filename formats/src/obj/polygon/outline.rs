@@ -1,8 +1,8 @@
 //! Polygons of five and more corners: a constrained Delaunay triangulation (`spade`) of the outline in its own plane,
-//! of which every triangle counts as often as the outline winds around it.
+//! from which each triangle is taken as often as the outline winds around it.
 //!
 //! The winding numbers come from crossing the outline, edge by edge, from outside (as in J. Shewchuk, "Triangle:
-//! Engineering a 2D Quality Mesh Generator", 1996, section 3, but counted, so that edges walked to and fro cancel).
+//! Engineering a 2D Quality Mesh Generator", 1996, section 3, but counted, so that edges walked both ways cancel).
 
 use std::collections::HashMap;
 
@@ -15,10 +15,10 @@ use super::area_vector;
 type Cdt = ConstrainedDelaunayTriangulation<Point2<f64>>;
 type Edge<'a> = DirectedEdgeHandle<'a, Point2<f64>, (), spade::CdtEdge<()>, ()>;
 
-/// How far the area vector of the triangles may be from the outline's, over the square of its extent.
+/// Tolerance for the area vector of the triangles against the outline's, relative to the square of its extent.
 const AREA_TOLERANCE: f64 = 1e-6;
 
-/// Triangulates an outline; `None` where it crosses itself, has no plane, or is not finite.
+/// Triangulates an outline; `None` if it crosses itself, has no plane, or is not finite.
 pub(super) fn triangulate(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let plane = Plane::of(corners)?;
     let outline = Outline::of(corners.iter().map(|&corner| plane.project(corner)));
@@ -33,7 +33,7 @@ pub(super) fn triangulate(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
         let [a, b, c] = face.adjacent_edges().map(|edge| owners.corner(&outline, edge));
         let triangle = if winding < 0 { [a, c, b] } else { [a, b, c] };
         for _ in 0..winding.unsigned_abs() {
-            // No outline of n corners encloses more than n - 2 triangles; a tangle might, and without bound.
+            // A simple outline of n corners encloses at most n - 2 triangles; a tangled one has no bound.
             if triangles.len() == corners.len() - 2 {
                 return None;
             }
@@ -59,11 +59,11 @@ impl Plane {
         let extent = corners.iter().map(|&corner| (corner - origin).abs().max_element()).fold(0.0, f64::max);
         let finite = corners.iter().all(|corner| corner.is_finite());
         let area = area_vector(corners);
-        // Coordinates have 24 bits: what is flatter has its plane from rounding.
+        // Coordinates have 24 bits: below this, the plane of the outline is due to rounding.
         if !finite || extent <= 0.0 || area.length() <= 1e-9 * extent * extent {
             return None;
         }
-        // Along an axis this gives exactly the two other axes, and corners on a line stay on it.
+        // For an axis-aligned normal, this gives exactly the two other axes, and collinear corners stay collinear.
         let (u, v) = (area / area.abs().max_element()).normalize().any_orthonormal_pair();
         let (u, v) = if u.cross(v).dot(area) < 0.0 { (v, u) } else { (u, v) };
         Some(Plane { origin, u, v, scale: (-extent.log2().ceil()).exp2(), area })
@@ -71,7 +71,7 @@ impl Plane {
 
     fn project(&self, corner: DVec3) -> DVec2 {
         let offset = (corner - self.origin) * self.scale;
-        // `spade` refuses numbers below 2^-142; zero is as good.
+        // `spade` rejects numbers below 2^-142, which zero can replace.
         let flushed = |x: f64| if x.abs() < 1e-40 { 0.0 } else { x };
         DVec2::new(flushed(offset.dot(self.u)), flushed(offset.dot(self.v)))
     }
@@ -84,7 +84,7 @@ impl Plane {
     }
 }
 
-/// An outline in the plane.
+/// An outline in its plane.
 struct Outline {
     /// Its distinct points.
     points: Vec<Point2<f64>>,
@@ -116,14 +116,14 @@ impl Outline {
 
 /// The outline as edges of the triangulation.
 struct Walk {
-    /// For each undirected edge how often the outline walks it, forth less back.
+    /// For each undirected edge, how often the outline traverses it forwards minus backwards.
     weight: Vec<i32>,
-    /// For each directed edge the corner at which the outline enters it.
+    /// For each directed edge, the corner at which the outline enters it.
     entered_from: Vec<Option<usize>>,
 }
 
 impl Walk {
-    /// Makes the outline's edges edges of the triangulation; `None` where two of them cross.
+    /// Inserts the outline's edges into the triangulation; `None` if two of them cross.
     fn along(outline: &Outline, cdt: &mut Cdt) -> Option<Self> {
         let count = outline.point_of.len();
         let mut walk =
@@ -142,8 +142,8 @@ impl Walk {
         Some(walk)
     }
 
-    /// How often the outline winds around each face (by outer index): zero around the outer one, and one more to the
-    /// left of each edge walked than to its right.
+    /// Returns the outline's winding number around each face (by outer index): zero for the outer face, and one more to
+    /// the left of each traversed edge than to its right.
     fn windings(&self, cdt: &Cdt) -> Vec<i32> {
         let mut windings = vec![None; cdt.num_all_faces()];
         let mut open = vec![cdt.outer_face().fix()];
@@ -170,8 +170,8 @@ impl Walk {
         if is_forward(edge) { weight } else { -weight }
     }
 
-    /// Which corner the triangle left of each directed edge has at the edge's start. Around a point of several
-    /// corners each corner owns what lies counter-clockwise of the edge on which the outline leaves it.
+    /// Returns, for each directed edge, the corner that the triangle to its left has at the edge's start. At a point of
+    /// several corners, each corner owns the area counter-clockwise of the edge on which the outline leaves it.
     fn owners(&self, outline: &Outline, cdt: &Cdt) -> Owners {
         if !outline.repeats {
             return Owners(Vec::new());
@@ -190,7 +190,7 @@ impl Walk {
     }
 }
 
-/// See [`Walk::owners`]; empty where each point has one corner.
+/// See [`Walk::owners`]; empty if each point has one corner.
 struct Owners(Vec<Option<usize>>);
 
 impl Owners {
@@ -200,7 +200,7 @@ impl Owners {
     }
 }
 
-/// Whether the edge has the direction in which its undirected edge counts as walked forth.
+/// Whether the edge has the direction that counts as forwards for its undirected edge.
 fn is_forward(edge: FixedDirectedEdgeHandle) -> bool {
     edge.as_undirected().as_directed() == edge
 }

@@ -1,4 +1,4 @@
-//! The scan of one block of an OBJ text, by itself: what depends on the blocks before it is left open.
+//! Scans one block of an OBJ text by itself; whatever depends on earlier blocks is left open.
 
 use std::ops::Range;
 
@@ -8,20 +8,20 @@ use super::elements::{Elements, Tally};
 use super::face::{Faces, Largest};
 use super::pieces::{Piece, Sources};
 
-/// What a block has to know of the others.
+/// What the scan of a block needs to know of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Context {
-    /// Whether the text may hold texture coordinates (it has a `vt` somewhere).
+    /// Whether the text may have texture coordinates (it has a `vt` somewhere).
     pub(super) has_texcoords: bool,
-    /// Whether the text may hold normals.
+    /// Whether the text may have normals.
     pub(super) has_normals: bool,
     /// Whether a position of the text has a colour.
     pub(super) colored: bool,
-    /// The elements before the block; `None` where they have not been counted yet.
+    /// Number of elements before the block; `None` if not counted yet.
     pub(super) before: Option<[i64; 3]>,
 }
 
-/// Statements that say where faces belong, and the faces between them. Names are ranges of [`Block::names`].
+/// Statements that assign faces to parts, and the faces between them. Names are ranges of [`Block::names`].
 #[derive(Debug)]
 pub(super) enum Event {
     Object(Range<usize>),
@@ -30,7 +30,7 @@ pub(super) enum Event {
     Faces(Piece),
 }
 
-/// What a block says. Lines count from its first, which is 1.
+/// The scan of a block. Line numbers are relative to the block and start at 1.
 #[derive(Debug)]
 pub(super) struct Block {
     /// Number of lines.
@@ -40,16 +40,16 @@ pub(super) struct Block {
     pub(super) elements: Vec<Piece>,
     pub(super) events: Vec<Event>,
     pub(super) names: String,
-    /// Statements written in place of those that `tobj` would not read as they are meant.
+    /// Replacements of statements that `tobj` would misread.
     pub(super) mended: String,
     /// `mtllib` statements: line and rest of the line.
     pub(super) libraries: Vec<(usize, String)>,
     /// Messages, each with its first line and the number of lines.
     pub(super) notes: Vec<(usize, &'static str, usize)>,
     pub(super) largest: Largest,
-    /// Whether faces count back from the elements before them.
+    /// Whether faces use indices relative to earlier elements.
     pub(super) counts_back: bool,
-    /// The first faulty line, at which the scan ended.
+    /// The first faulty line, at which the scan stopped.
     pub(super) fault: Option<Fault>,
 }
 
@@ -64,12 +64,12 @@ impl Block {
         scanner.finish(text, fault)
     }
 
-    /// Whether the block reads otherwise once the others are known.
+    /// Whether the scan would differ once the other blocks are known.
     pub(super) fn depends_on_others(&self, colored: bool, context: Context) -> bool {
         context.before.is_none() && self.counts_back || colored && !context.colored
     }
 
-    /// The text and the statements in place of some of its own, for the pieces of this block.
+    /// Returns the text and the replacement statements that the pieces of this block refer to.
     pub(super) fn sources(&mut self, text: String) -> Sources {
         Sources::new(text, std::mem::take(&mut self.mended))
     }
@@ -140,7 +140,7 @@ impl Scanner {
         }
     }
 
-    /// Whether the block is to be scanned again, so that only its elements need be counted.
+    /// Whether the block will be scanned again, so that for now only its elements need to be counted.
     fn is_provisional(&self) -> bool {
         self.before.is_none() && (self.faces.counts_back || self.elements.tally.colored && !self.elements.color_all)
     }
@@ -190,7 +190,7 @@ impl Scanner {
     }
 }
 
-/// What is said about a statement that makes no surface.
+/// Returns the note for a statement that does not define a surface.
 fn left_out(key: &str) -> &'static str {
     match key {
         "p" => "points (p) left out",

@@ -1,10 +1,10 @@
-//! A reader over pieces of text that lie apart.
+//! A reader over separate pieces of text.
 
 use std::io::{BufRead, Read, Result};
 
 use bytes::{Buf, Bytes};
 
-/// Reads one piece after the other, and lets go of each once it is read.
+/// Reads the pieces in order, and frees each once it is read.
 pub(super) struct Chunks<I> {
     rest: I,
     current: Bytes,

@@ -7,7 +7,7 @@ use super::super::text::{Line, words};
 use super::pieces::{Piece, push};
 use super::{needs_repair, repaired};
 
-/// How many elements of each kind there are, and what their colours are.
+/// Number of elements of each kind, and statistics of their colours.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tally {
     /// Number of positions, texture coordinates and normals.
@@ -16,12 +16,12 @@ pub(super) struct Tally {
     pub(super) colored: bool,
     /// The largest finite colour component.
     brightest: f32,
-    /// Whether a colour component is no whole number.
+    /// Whether a colour component is not an integer.
     fractional: bool,
 }
 
 impl Tally {
-    /// Takes in the elements of another stretch of text.
+    /// Adds the elements of another range of text.
     pub(super) fn add(&mut self, other: &Tally) {
         for (count, more) in self.counts.iter_mut().zip(other.counts) {
             *count += more;
@@ -31,7 +31,7 @@ impl Tally {
         self.fractional |= other.fractional;
     }
 
-    /// What colours are to be divided by: whole numbers up to 255 are taken for bytes.
+    /// Returns the divisor of colours: integers up to 255 are treated as bytes.
     pub(super) fn full_color(&self, notes: &mut Notes) -> f32 {
         match self.brightest {
             brightest if brightest <= 1.0 => 1.0,
@@ -44,23 +44,23 @@ impl Tally {
     }
 }
 
-/// The statements of a block for `tobj`.
+/// The element statements of a block for `tobj`.
 #[derive(Debug, Default)]
 pub(super) struct Elements {
     pub(super) tally: Tally,
     pub(super) pieces: Vec<Piece>,
-    /// Whether every position is to have a colour.
+    /// Whether every position must have a colour.
     pub(super) color_all: bool,
 }
 
-/// Stands for a colour that is missing.
+/// Represents a missing colour.
 const NO_COLOR: &str = " nan nan nan";
 
-/// What was not read of a statement, to be noted.
+/// The part of a statement that was not read, to be noted.
 type Unread = Option<&'static str>;
 
 impl Elements {
-    /// Adds a statement; what must not reach `tobj` as it is goes to `mended`. Colours and weights are parsed here,
+    /// Adds a statement; what `tobj` must not read as it is goes to `mended`. Colours and weights are parsed here,
     /// coordinates by `tobj`.
     pub(super) fn add(&mut self, line: &Line<'_>, mended: &mut String) -> Result<Unread, String> {
         let (key, rest) = line.text();
@@ -81,8 +81,8 @@ impl Elements {
         Ok(unread)
     }
 
-    /// `x y z`, `x y z w` (divided by the weight, as `tobj` and most readers have it) or `x y z r g b`. Gives whether
-    /// `tobj` may read it as it is.
+    /// Parses `x y z`, `x y z w` (divided by the weight, as `tobj` and most readers do) or `x y z r g b`. Returns
+    /// whether `tobj` may read it as it is.
     fn position(&mut self, rest: &str, verbatim: bool, out: &mut String, unread: &mut Unread) -> Result<bool, String> {
         let count = word_count(rest);
         self.tally.counts[0] += 1;
@@ -149,12 +149,12 @@ impl Elements {
     }
 }
 
-/// What stands for missing texture coordinates and normals; it comes after all others.
+/// Returns the elements that represent missing texture coordinates and normals; they come after all others.
 pub(super) fn missing(texcoords: bool, normals: bool) -> impl Iterator<Item = &'static str> {
     [texcoords.then_some("vt nan nan\n"), normals.then_some("vn nan nan nan\n")].into_iter().flatten()
 }
 
-/// Whether the coordinates of a statement are numbers; other statements pass.
+/// Checks that the coordinates of a statement are numbers; other statements pass.
 pub(super) fn check(key: &str, rest: &str) -> Result<(), String> {
     let count = match key {
         "v" | "vn" => 3,
@@ -201,7 +201,7 @@ fn number(word: &str) -> Result<f32, String> {
     word.parse().map_err(|_| format!("`{}` is not a number", shown(word)))
 }
 
-/// A word of the file, cut to a length that fits a message.
+/// Returns a word of the file, shortened for messages.
 pub(super) fn shown(word: &str) -> String {
     match word.char_indices().nth(40) {
         Some((end, _)) => format!("{}…", &word[..end]),

@@ -1,4 +1,4 @@
-//! `f` statements: corner indices checked, made absolute, missing ones made explicit.
+//! `f` statements: checks corner indices, and makes them absolute and missing ones explicit.
 
 use std::fmt::Write;
 
@@ -6,21 +6,21 @@ use super::super::text::words;
 use super::block::Context;
 use super::elements::shown;
 
-/// What the indices of a corner are called, in order.
+/// Names of the indices of a corner, in order.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
-/// For each kind the largest index with which a face refers to an element, and the first line that does.
+/// For each kind, the largest index that a face refers to, and the first line with it.
 pub(super) type Largest = [(i64, usize); 3];
 
 /// Reads faces one at a time.
 pub(super) struct Faces {
     has_texcoords: bool,
     has_normals: bool,
-    /// Indices of the last face's corners from 1; 0 is missing.
+    /// Indices of the last face's corners, from 1; 0 if missing.
     corners: Vec<[i64; 3]>,
-    /// Whether the words of the last face say just what `corners` says.
+    /// Whether the words of the last face equal `corners`.
     plain: bool,
-    /// Whether a face counts back from the last element read.
+    /// Whether a face uses indices relative to the last element read.
     pub(super) counts_back: bool,
     pub(super) largest: Largest,
 }
@@ -31,7 +31,7 @@ impl Faces {
         Faces { has_texcoords, has_normals, corners: Vec::new(), plain: true, counts_back: false, largest: [(0, 0); 3] }
     }
 
-    /// Reads the corners of a face; gives their number. `counts` are those of the elements before it, if known.
+    /// Reads the corners of a face; returns their number. `counts` are those of the elements before it, if known.
     pub(super) fn read(&mut self, rest: &str, line: usize, counts: Option<[i64; 3]>) -> Result<usize, String> {
         self.plain = self.read_positive(rest) || !rest.contains('#');
         if self.corners.is_empty() {
@@ -51,7 +51,7 @@ impl Faces {
         Ok(self.corners.len())
     }
 
-    /// Reads a face of positive indices in plain ASCII, as most are. Of any other it reads no corner.
+    /// Reads a face of positive indices in plain ASCII, the common case. Reads no corners of any other face.
     fn read_positive(&mut self, rest: &str) -> bool {
         self.corners.clear();
         let blank = |byte: &u8| matches!(byte, b'\t'..=b'\r' | b' ');
@@ -65,7 +65,7 @@ impl Faces {
         true
     }
 
-    /// `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last element read.
+    /// Parses `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last element read.
     fn corner(&mut self, word: &str, counts: Option<[i64; 3]>) -> Result<[i64; 3], String> {
         let malformed = || format!("face corner `{}` is not of the form v, v/vt, v//vn or v/vt/vn", shown(word));
         let mut corner = [0; 3];
@@ -86,7 +86,7 @@ impl Faces {
         Ok(corner)
     }
 
-    /// Any element where it is not known how many there are.
+    /// Resolves a relative index; accepts any element if the number of elements is not known.
     fn counted_back(&mut self, kind: usize, index: i64, counts: Option<[i64; 3]>) -> Result<i64, String> {
         self.plain = false;
         self.counts_back = true;
@@ -97,19 +97,19 @@ impl Faces {
         }
     }
 
-    /// Whether `tobj` reads the last face as it is.
+    /// Whether `tobj` can read the last face as it is.
     pub(super) fn is_plain(&self) -> bool {
         self.plain
     }
 
-    /// Writes the last face read, whose words were `rest`.
+    /// Writes the last face read; `rest` holds its words.
     pub(super) fn write(&self, rest: &str, out: &mut String) {
         out.push_str("f ");
         if self.plain {
             out.push_str(rest);
         } else {
             for &[v, vt, vn] in &self.corners {
-                // -1 is the element that stands for a missing one: it comes last.
+                // -1 refers to the last element, which represents a missing one.
                 let [v, vt, vn] = [v, vt, vn].map(|index| if index == 0 { -1 } else { index });
                 let _ = write!(out, "{v}/{vt}/{vn} ");
             }
@@ -118,7 +118,7 @@ impl Faces {
     }
 }
 
-/// A corner of positive indices; `None` leaves it to [`Faces::corner`].
+/// Parses a corner of positive indices; `None` leaves it to [`Faces::corner`].
 fn positive_corner(word: &[u8]) -> Option<[i64; 3]> {
     let mut corner = [0; 3];
     let (mut kind, mut digits) = (0, 0);
@@ -135,7 +135,7 @@ fn positive_corner(word: &[u8]) -> Option<[i64; 3]> {
     (corner[kind] > 0 || kind > 0 && digits == 0).then_some(corner)
 }
 
-/// What is wrong with the line whose faces refer to elements beyond the last.
+/// Returns the fault of the line whose faces refer to elements beyond the last.
 pub(super) fn beyond(largest: &Largest, counts: [i64; 3]) -> Option<(usize, String)> {
     let kind = (0..3).find(|&kind| largest[kind].0 > counts[kind])?;
     let (index, line) = largest[kind];

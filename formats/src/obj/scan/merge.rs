@@ -1,4 +1,4 @@
-//! The blocks of a text put together, in order: names, parts, places.
+//! Merges the blocks of a text in order: names, parts, places.
 
 use bytes::Bytes;
 
@@ -10,7 +10,7 @@ use super::face::{self, Largest};
 use super::pieces::Sources;
 use super::{Fault, Interner, Names, Part, Scan, Statements};
 
-/// Puts blocks together.
+/// Merges blocks.
 pub(super) struct Merge<'n> {
     scan: Scan,
     statements: Statements,
@@ -19,9 +19,9 @@ pub(super) struct Merge<'n> {
     object: Option<usize>,
     group: Option<usize>,
     material: Option<usize>,
-    /// The part that object, group and material make; `None` until a face asks for it.
+    /// The current part, for object, group and material; `None` until a face needs it.
     part: Option<usize>,
-    /// Lines and elements so far.
+    /// Number of lines so far.
     lines: usize,
     tally: Tally,
     largest: Largest,

@@ -1,22 +1,22 @@
-//! Statements for `tobj` that need no copy: where they stand in the text as `tobj` is to read them.
+//! Statements for `tobj` that need no copy: references to the text in which `tobj` can read them.
 
 use std::ops::Range;
 
 use bytes::Bytes;
 
-/// Consecutive statements, in the text of a block or in what is written in place of its other lines.
+/// Consecutive statements, in the text of a block or in the replacements of its other lines.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Piece {
     pub(super) origin: Origin,
     pub(super) range: Range<usize>,
 }
 
-/// Where a piece stands.
+/// Location of a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
-    /// In the text.
+    /// In the text of the block.
     Text,
-    /// Among the mended statements.
+    /// Among the replacement statements.
     Mended,
 }
 
@@ -29,7 +29,7 @@ impl Piece {
         Piece { origin: Origin::Mended, range }
     }
 
-    /// Takes in the piece that follows; `false` where it lies elsewhere.
+    /// Extends the piece by the next one; returns `false` if they are not adjacent.
     pub(super) fn extend(&mut self, next: &Piece) -> bool {
         let follows = self.origin == next.origin && self.range.end == next.range.start;
         if follows {
@@ -39,14 +39,14 @@ impl Piece {
     }
 }
 
-/// Appends a piece, joined with the last if it follows that.
+/// Appends a piece, joined with the last one if adjacent.
 pub(super) fn push(pieces: &mut Vec<Piece>, piece: Piece) {
     if !pieces.last_mut().is_some_and(|last| last.extend(&piece)) {
         pieces.push(piece);
     }
 }
 
-/// What the pieces of a block refer to. It lives as long as one of the slices does.
+/// The texts that the pieces of a block refer to. Alive as long as one of the slices.
 #[derive(Debug)]
 pub(super) struct Sources {
     text: Bytes,
