@@ -1,4 +1,4 @@
-//! How a ray passes a triangle, in double precision.
+//! How a ray passes a triangle, computed in double precision.
 
 use glam::{DVec2, DVec3};
 
@@ -6,25 +6,25 @@ use super::rays::Ray;
 
 const SIDES: [(usize, usize); 3] = [(0, 1), (1, 2), (2, 0)];
 
-/// How the line of a ray passes a triangle. Lengths are world units.
+/// The way in which the line of a ray passes a triangle. Lengths are in world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// Whether the line goes through the triangle; its edges count.
+    /// Whether the line intersects the triangle, including its edges.
     pub through: bool,
     /// Distance of the line from the nearest edge, as seen along the line.
     pub to_edge: f64,
-    /// Distance along the ray to the point passed through, or to the nearest point of an edge.
+    /// Distance along the ray to the intersection, or to the nearest point of an edge.
     pub distance: f64,
-    /// Length of the longest side.
+    /// Length of the longest side of the triangle.
     pub size: f64,
-    /// Height of the triangle over its longest side as seen along the ray; 0 edge-on.
+    /// Height of the triangle over its longest side, as seen along the ray; 0 if edge-on.
     pub height: f64,
-    /// Whether the ray comes from the side from which the corners run counter-clockwise.
+    /// Whether the ray comes from the side on which the corners run counter-clockwise.
     pub front: bool,
 }
 
 impl Approach {
-    /// Of a ray and a triangle with corners in world coordinates.
+    /// Computes the approach of a ray to a triangle with corners in world coordinates.
     pub fn new(ray: &Ray, corners: &[DVec3; 3]) -> Approach {
         let origin = ray.origin.as_dvec3();
         let ahead = ray.direction.as_dvec3().normalize_or(DVec3::Z);
@@ -41,7 +41,7 @@ impl Approach {
         let longest = SIDES.map(|(a, b)| flat[a].distance(flat[b])).into_iter().fold(0.0, f64::max);
         let height = if longest > 0.0 { area.abs() / longest } else { 0.0 };
         let inside = opposite.iter().all(|&o| o >= 0.0) || opposite.iter().all(|&o| o <= 0.0);
-        // Edge-on the signs are those of rounding errors; a point inside is nearer to an edge than the height.
+        // Edge-on, the signs are rounding noise; a point inside is nearer to an edge than the height.
         let through = area != 0.0 && inside && to_edge <= height;
         let inner_depth = (opposite[0] * depth[0] + opposite[1] * depth[1] + opposite[2] * depth[2]) / area;
         let normal = (relative[1] - relative[0]).cross(relative[2] - relative[0]);
@@ -66,22 +66,22 @@ impl Approach {
         self.to_edge <= slack
     }
 
-    /// The distances at which a hit may be found if line and corners may be off by `slack`. Moving a corner by `slack`
-    /// moves the point passed through by up to the share `slack / height` of the triangle's size, but not beyond it.
+    /// Returns the distances at which a hit may be found if line and corners may be off by `slack`. Moving a corner by
+    /// `slack` moves the intersection by up to the share `slack / height` of the triangle's size, but not beyond it.
     pub fn window(&self, slack: f64) -> [f64; 2] {
         let share = if slack < self.height { slack / self.height } else { 1.0 };
         let reach = slack + share * self.size;
         [self.distance - reach, self.distance + reach]
     }
 
-    /// Whether a hit at some distance is a hit of this triangle, up to `slack`.
+    /// Whether a hit at the given distance can be a hit of this triangle, within `slack`.
     pub fn explains(&self, distance: f64, slack: f64) -> bool {
         let [near, far] = self.window(slack);
         self.touches(slack) && distance >= near && distance <= far
     }
 }
 
-/// Distance of the origin from an edge, and the depth of the edge's nearest point.
+/// Returns the distance of the origin from an edge, and the depth of the edge's nearest point.
 fn pass_edge([a, b]: [DVec2; 2], [depth_a, depth_b]: [f64; 2]) -> (f64, f64) {
     let edge = b - a;
     let along = -a.dot(edge) / edge.length_squared();
@@ -131,7 +131,7 @@ mod tests {
             let mut random = Random::at(1, 0, i);
             let turn = DMat3::from_axis_angle(random.direction(), 6.0 * random.unit());
             let ray = Ray::endless(turn * DVec3::new(-2.0, 3.0, 0.0), turn * DVec3::X);
-            // The ray as stored, so that it lies in the plane as exactly as doubles can tell.
+            // Uses the ray as stored, so that it lies in the plane as exactly as double precision allows.
             let (origin, ahead) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
             let across = turn * DVec3::NEG_Y;
             let corners = [(1.0, 1.0), (3.0, 1.0), (2.0, 2.0)].map(|(x, y)| origin + x * ahead + y * across);

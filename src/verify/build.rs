@@ -1,21 +1,21 @@
-//! How acceleration structures are built, and what came of it.
+//! Options and results of building acceleration structures.
 
 use serde::Serialize;
 
 use super::Sides;
 use crate::layout::BlasPer;
 
-/// What to build, and how.
+/// Options for building acceleration structures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct BuildOptions {
-    /// What the driver should favour.
+    /// What the driver should optimise for.
     pub prefer: Prefer,
-    /// Whether structures can be refitted later, which costs memory and speed.
+    /// Whether structures can be refitted later, which costs memory and tracing speed.
     pub allow_update: bool,
-    /// Whether BLASes are copied to where they take no more memory than they need.
+    /// Whether BLASes are compacted.
     pub compact: bool,
-    /// What goes into one BLAS.
+    /// The contents of one BLAS.
     pub blas_per: BlasPer,
 }
 
@@ -25,62 +25,62 @@ impl Default for BuildOptions {
     }
 }
 
-/// What a driver favours when it builds.
+/// The optimisation goal of a driver's build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Prefer {
-    /// Rays per second.
+    /// Tracing speed.
     #[default]
     FastTrace,
     /// Build time.
     FastBuild,
-    /// Whatever the driver likes.
+    /// The default of the driver.
     None,
 }
 
-/// What was built of one file, and what its rays met.
+/// Structures built for one file, and the alpha-tested triangles that its rays found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Built {
-    /// BLASes.
+    /// Number of BLASes.
     pub blases: u64,
-    /// Instances in the TLAS.
+    /// Number of instances in the TLAS.
     pub tlas_instances: u64,
-    /// Bytes of all BLASes as built.
+    /// Total size of the BLASes as built, in bytes.
     pub blas_bytes: u64,
-    /// The same after compaction; `None` without.
+    /// Total size of the BLASes after compaction, in bytes; `None` without compaction.
     pub blas_bytes_compacted: Option<u64>,
-    /// Bytes of the TLAS.
+    /// Size of the TLAS, in bytes.
     pub tlas_bytes: u64,
-    /// Milliseconds the device took to build all BLASes, without compaction.
+    /// Time the device took to build all BLASes, without compaction, in milliseconds.
     pub blas_build_ms: f64,
-    /// Milliseconds the device took to build the TLAS.
+    /// Time the device took to build the TLAS, in milliseconds.
     pub tlas_build_ms: f64,
-    /// How often the rays compared (not those timed) found triangles of alpha-tested and blended materials.
+    /// How often the compared (not the timed) rays found triangles of alpha-tested and blended materials.
     pub any_hit_invocations: u64,
 }
 
-/// What was built of both files; as in [`Built`].
+/// Structures built for both files; see [`Built`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Structures {
-    /// BLASes.
+    /// Number of BLASes.
     pub blases: Sides<u64>,
-    /// Instances in the TLAS.
+    /// Number of instances in the TLAS.
     pub tlas_instances: Sides<u64>,
-    /// Bytes of all BLASes as built.
+    /// Total size of the BLASes as built, in bytes.
     pub blas_bytes: Sides<u64>,
-    /// The same after compaction.
+    /// Total size of the BLASes after compaction, in bytes.
     pub blas_bytes_compacted: Option<Sides<u64>>,
-    /// Bytes of the TLAS.
+    /// Size of the TLAS, in bytes.
     pub tlas_bytes: Sides<u64>,
-    /// Milliseconds to build all BLASes.
+    /// Time to build all BLASes, in milliseconds.
     pub blas_build_ms: Sides<f64>,
-    /// Milliseconds to build the TLAS.
+    /// Time to build the TLAS, in milliseconds.
     pub tlas_build_ms: Sides<f64>,
-    /// Triangles of alpha-tested and blended materials met.
+    /// How often rays found triangles of alpha-tested and blended materials.
     pub any_hit_invocations: Sides<u64>,
 }
 
 impl Structures {
-    /// Of what was built of the input and of the output.
+    /// Combines the structures of the input and of the output.
     pub fn of(built: &Sides<Built>) -> Structures {
         fn of<T>(built: &Sides<Built>, of: impl Fn(&Built) -> T) -> Sides<T> {
             built.as_ref().map(of)

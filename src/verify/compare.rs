@@ -1,4 +1,4 @@
-//! What rays see of both scenes, compared ray by ray, with the truth to judge between them.
+//! Compares the hits of both scenes ray by ray, and resolves differences by the true hit.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -14,15 +14,15 @@ use super::structure::{Structure, reference_length};
 use super::{Hit, Sides, VerifyOptions};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
-/// Roundings that may add up on the way from a ray to a hit.
+/// Number of rounding errors that may accumulate between a ray and its hit.
 pub const ROUNDINGS: f64 = 8.0;
-/// Hits count as far apart beyond this share of the scene's radius.
+/// Distance between two hits, as a share of the scene's radius, above which they count as far apart.
 pub(super) const FAR_RATIO: f64 = 1e-4;
-/// Distances below this share of the scene's radius count as this long when errors are taken relative to them.
+/// Lower limit of the distance that errors are relative to, as a share of the scene's radius.
 pub(super) const NEAR_RATIO: f64 = 1e-3;
-/// Mismatches put in words.
+/// Number of mismatches described in words.
 pub(super) const EXAMPLES: usize = 4;
-/// Stream of random numbers for samples, beside those of the rays.
+/// Random number stream for samples, separate from those of the rays.
 const SAMPLE_STREAM: u64 = 100;
 
 /// The largest errors of the classes of a [`Histogram`]; the last class has none.
@@ -49,10 +49,10 @@ impl Histogram {
     }
 }
 
-/// Distance errors against the truth.
+/// Distance errors relative to the truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
-    /// Hits measured.
+    /// Number of hits measured.
     pub count: u64,
     /// Largest relative error.
     pub max: f64,
@@ -62,7 +62,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Root of the mean square of the relative errors; 0 without hits.
+    /// Returns the root mean square of the relative errors; 0 without hits.
     pub fn rms(&self) -> f64 {
         if self.count == 0 { 0.0 } else { (self.sum_of_squares / self.count as f64).sqrt() }
     }
@@ -82,33 +82,33 @@ impl Errors {
     }
 }
 
-/// What comparing rays found.
+/// Results of comparing rays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Rays traced.
+    /// Number of rays traced.
     pub rays: u64,
-    /// Those that hit something before.
+    /// Number of rays that hit something in the input.
     pub hits: u64,
-    /// Rays on which the output is wrong in a way that rounding does not explain.
+    /// Number of rays for which the output is wrong in a way that rounding does not explain.
     pub mismatches: u64,
-    /// Rays whose hits lie farther apart than rounding moves a hit along a surface.
+    /// Number of rays whose hits lie farther apart than rounding moves a hit along a surface.
     pub far_hits: u64,
-    /// Rays that pass an edge so closely that rounding decides what they hit.
+    /// Number of rays that pass so close to an edge that rounding decides what they hit.
     pub silhouettes: u64,
-    /// Rays that meet several triangles at the same distance.
+    /// Number of rays that hit several triangles at the same distance.
     pub ties: u64,
-    /// Rays on which the tracer is wrong without the output being to blame.
+    /// Number of rays for which the tracer is wrong, but not because of the output.
     pub tracer_faults: u64,
-    /// Errors before.
+    /// Errors in the input.
     pub before: Errors,
-    /// Errors after.
+    /// Errors in the output.
     pub after: Errors,
-    /// The first mismatches, in words.
+    /// Descriptions of the first mismatches.
     pub examples: Vec<String>,
 }
 
 impl Tally {
-    /// Enters what a ray says of the input and of the output, judged; `agreed` tells whether both say the same.
+    /// Counts the judged hits of a ray in the input and the output; `agreed` tells whether both are the same.
     pub(super) fn count(&mut self, judged: Sides<Judgement>, agreed: bool) {
         use Judgement::{Right, Silhouette, Tie, Wrong};
         match (judged.before, judged.after) {
@@ -122,7 +122,7 @@ impl Tally {
         }
     }
 
-    /// Adds what another comparison found.
+    /// Adds the results of another comparison.
     pub fn add(&mut self, other: Tally) {
         self.rays += other.rays;
         self.hits += other.hits;
@@ -138,13 +138,13 @@ impl Tally {
     }
 }
 
-/// One of the two scenes, as its tracer sees it.
+/// One of the two scenes, as seen by its tracer.
 pub(super) struct View<'a> {
     pub(super) scene: &'a Scene,
-    /// Leads to the triangles of the input; `None` for the input itself.
+    /// Maps its triangles to those of the input; `None` for the input itself.
     identity: Option<&'a Identity<'a>>,
     magnitudes: Vec<Magnitude>,
-    /// How far its triangles are from their place at most, in world units; no farther than allowed.
+    /// Largest position error of its triangles, in world units; at most the allowed error.
     pub(super) position_error: f64,
 }
 
@@ -160,18 +160,18 @@ pub struct Comparison<'a> {
     sample_ratio: f64,
 }
 
-/// What a tracer says a ray hits, held against the triangle it names.
+/// A hit reported by a tracer, compared with the triangle it names.
 struct Claim {
     source: Option<TriangleRef>,
     material: Option<u32>,
     front: bool,
-    /// In world units.
+    /// Distance in world units.
     distance: f64,
-    /// How the ray really passes the triangle named, and how far off it may be.
+    /// How the ray really passes the named triangle, and the slack.
     truly: Option<(Approach, f64)>,
 }
 
-/// What a tracer's word about a ray is worth.
+/// Judgement of a tracer's result for a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Judgement {
     Right,
@@ -180,7 +180,7 @@ pub(super) enum Judgement {
     Wrong(&'static str),
 }
 
-/// A ray that needs the truth.
+/// A ray that must be judged by the truth.
 struct Doubt {
     ray: usize,
     before: Option<Claim>,
@@ -188,7 +188,7 @@ struct Doubt {
 }
 
 impl<'a> Comparison<'a> {
-    /// Prepares a comparison; `structure` is what [`super::structure::compare`] found, `radius` the scene's.
+    /// Prepares a comparison; `structure` is the result of [`super::structure::compare`], `radius` the scene's radius.
     pub fn new(
         identity: &'a Identity<'a>,
         reference: &'a Reference<'a>,
@@ -211,8 +211,8 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Compares what the tracers say about rays. What they agree on and what is true of the triangle they name is
-    /// right; all else, and a sample of that, is judged by the closest hit in truth.
+    /// Compares the results of both tracers. If they agree and the result is true of the triangle they name, it is
+    /// accepted; everything else, and a sample of the accepted rays, is judged by the true closest hit.
     pub fn compare(&self, kind: RayKind, rays: &[Ray], hits: Sides<&[Option<Hit>]>) -> Tally {
         let Sides { before, after } = hits;
         let mut tally =
@@ -231,7 +231,7 @@ impl<'a> Comparison<'a> {
         tally
     }
 
-    /// The distance errors of both hits, and the ray again if it needs the truth.
+    /// Returns the distance errors of both hits, and the ray if it must be judged by the truth.
     fn first_look(
         &self,
         kind: RayKind,
@@ -278,7 +278,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Enters one judged ray.
+    /// Counts one judged ray.
     fn count(&self, doubt: &Doubt, before: Judgement, after: Judgement, tally: &mut Tally) {
         tally.count(Sides { before, after }, doubt.is_agreement());
         tally.far_hits += u64::from(self.is_far(doubt));
@@ -305,7 +305,7 @@ impl<'a> Comparison<'a> {
         Claim { source, material: material(side.scene, at), front: hit.front, distance, truly }
     }
 
-    /// What is wrong with a claim by itself.
+    /// Returns what is wrong with a claim, without knowing the truth.
     fn fault(&self, claim: &Claim) -> Option<&'static str> {
         let (Some(source), Some((truly, slack))) = (claim.source, claim.truly) else {
             return Some("a triangle that is none of the input's");
@@ -321,7 +321,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Judges a claim by the closest hit in truth; `place` is where the side's scene has the triangle truly hit.
+    /// Judges a claim by the true closest hit; `place` is the truly hit triangle in the side's scene.
     fn judge(
         &self,
         side: &View,
@@ -353,8 +353,8 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Of two triangles in one place either may be hit; where their materials differ, that is so only if the exact
-    /// comparison vouches for both.
+    /// Judges a hit of another triangle in the same place: either may be hit. If their materials differ, this holds
+    /// only if the exact comparison confirms both.
     fn tie(&self, claim: &Claim, truth: &TrueHit) -> Judgement {
         if self.structure_is_clean || claim.material == material(self.before.scene, truth.at) {
             Judgement::Tie
@@ -363,7 +363,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// The relative distance error of a hit, if the ray really goes through the triangle it names.
+    /// Returns the relative distance error of a hit, if the ray really intersects the triangle it names.
     fn error(&self, claim: &Claim) -> Option<f64> {
         let (truly, slack) = claim.truly?;
         let distance = truly.distance.max(NEAR_RATIO * self.radius);
@@ -384,7 +384,7 @@ impl<'a> Comparison<'a> {
 }
 
 impl Doubt {
-    /// Whether both tracers say the same, as far as that can be seen without knowing how exact they are.
+    /// Whether both tracers agree, as far as that can be determined without knowing their accuracy.
     fn is_agreement(&self) -> bool {
         match (&self.before, &self.after) {
             (None, None) => true,
@@ -395,12 +395,12 @@ impl Doubt {
 }
 
 impl<'a> View<'a> {
-    /// Of a scene whose triangles are off by so many world units at most.
+    /// Creates a side for a scene whose triangles are off by at most this many world units.
     pub(super) fn new(scene: &'a Scene, identity: Option<&'a Identity<'a>>, position_error: f64) -> Self {
         View { scene, identity, magnitudes: magnitudes(scene), position_error }
     }
 
-    /// The triangle of the input that a triangle is.
+    /// Returns the triangle of the input that a triangle represents.
     fn source(&self, at: TriangleRef) -> Option<TriangleRef> {
         match self.identity {
             Some(identity) => identity.source(at),
@@ -408,7 +408,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// How far a ray may be off a triangle of an instance where it passes it, in world units.
+    /// Returns how far a ray may be off a triangle of an instance at the point of passing, in world units.
     pub(super) fn slack(&self, instance: u32, ray: &Ray, approach: &Approach) -> f64 {
         let way = ray.direction.as_dvec3().abs() * approach.distance.abs();
         let magnitude = self.magnitudes[instance as usize].at(ray.origin.as_dvec3().abs() + way);
@@ -416,7 +416,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// Whether a triangle is passed where the ray begins or ends, so that rounding decides whether that counts.
+/// Whether a triangle is passed at an end of the ray, where rounding decides whether the hit counts.
 pub(super) fn at_an_end(ray: &Ray, approach: &Approach, slack: f64) -> bool {
     let [near, far] = approach.window(slack);
     let length = ray.direction.as_dvec3().length();

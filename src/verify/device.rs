@@ -1,4 +1,4 @@
-//! What traces the rays of a verification: a Vulkan device, or the CPU.
+//! The tracer of a verification: a Vulkan device or the CPU.
 
 #[cfg(feature = "vulkan")]
 use super::{
@@ -13,18 +13,18 @@ use super::{Note, Sides, Verification, VerifyOptions, verify_on_cpu};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 
-/// Where to trace.
+/// The device to trace on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DeviceChoice {
-    /// On the first hardware device that can trace rays, else on the CPU.
+    /// The first hardware device that can trace rays, or the CPU if there is none.
     #[default]
     Auto,
-    /// On the CPU.
+    /// The CPU.
     Cpu,
-    /// On the Vulkan device at this place in the list.
+    /// The Vulkan device at this position in the list.
     Index(usize),
-    /// On the first Vulkan device with this in its name, in any case.
+    /// The first Vulkan device whose name contains this text, ignoring case.
     Name(String),
 }
 
@@ -39,18 +39,18 @@ impl From<&str> for DeviceChoice {
     }
 }
 
-/// A device that was asked for by name cannot do it; the reason in words.
+/// A requested device cannot be used; holds the reason.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("--device: {0}")]
 pub struct DeviceError(String);
 
-/// What kind of thing a [`Machine`] is.
+/// The kind of a [`Machine`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MachineKind {
-    /// A Vulkan device of its own.
+    /// A Vulkan hardware device.
     Gpu,
-    /// A Vulkan driver that computes on the CPU.
+    /// A Vulkan driver that runs on the CPU.
     #[serde(rename = "software driver")]
     SoftwareDriver,
     /// The tracer of this program.
@@ -59,7 +59,7 @@ pub enum MachineKind {
 }
 
 impl MachineKind {
-    /// The name in reports.
+    /// Returns the name used in reports.
     pub fn name(self) -> &'static str {
         match self {
             MachineKind::Gpu => "gpu",
@@ -69,12 +69,12 @@ impl MachineKind {
     }
 }
 
-/// What traces.
+/// A device to trace on.
 #[derive(Debug)]
 pub struct Machine {
     #[cfg(feature = "vulkan")]
     pub(super) device: Option<Device>,
-    /// Whether the device was named, so that its failure is an error.
+    /// Whether the device was requested explicitly, so that its failure is an error.
     #[cfg(feature = "vulkan")]
     named: bool,
     notes: Vec<Note>,
@@ -82,10 +82,10 @@ pub struct Machine {
 
 #[cfg(feature = "vulkan")]
 impl Machine {
-    /// Opens what is asked for; under [`DeviceChoice::Auto`] the CPU serves where no device can.
+    /// Opens the chosen device; [`DeviceChoice::Auto`] falls back to the CPU.
     ///
     /// # Errors
-    /// A device named that is not there or cannot trace rays.
+    /// Fails if a requested device does not exist or cannot trace rays.
     pub fn open(choice: &DeviceChoice) -> Result<Machine, DeviceError> {
         let wanted = match choice {
             DeviceChoice::Cpu => return Ok(Machine { device: None, named: false, notes: Vec::new() }),
@@ -103,7 +103,7 @@ impl Machine {
         Ok(Machine { device: Some(device), named: true, notes: Vec::new() })
     }
 
-    /// The name of the device, and what kind of thing it is.
+    /// Returns the name and kind of the device.
     pub fn name(&self) -> (&str, MachineKind) {
         match self.device.as_ref().map(Device::info) {
             None => ("CPU", MachineKind::Cpu),
@@ -112,22 +112,22 @@ impl Machine {
         }
     }
 
-    /// A device opened already, as if it had been named or not.
+    /// Wraps an opened device; `named` says whether to treat it as requested explicitly.
     #[cfg(test)]
     pub(super) fn of(device: Device, named: bool) -> Machine {
         Machine { device: Some(device), named, notes: Vec::new() }
     }
 
-    /// Most of the device's memory that was in use at a time, in bytes.
+    /// Returns the peak use of device memory, in bytes.
     #[cfg(test)]
     pub(super) fn device_peak(&self) -> u64 {
         self.device.as_ref().map_or(0, Device::peak_memory)
     }
 
-    /// As [`Machine::verify`] of the second scene against the first, where trees of their meshes are known.
+    /// Like [`Machine::verify`] of the second scene against the first, with given trees of their meshes.
     ///
     /// # Errors
-    /// As there.
+    /// See [`Machine::verify`].
     pub fn verify_with(
         &self,
         scenes: Sides<&Scene>,
@@ -169,8 +169,8 @@ fn no_hardware(devices: &[DeviceInfo]) -> WhyCpu {
     if software.is_empty() { WhyCpu::NoDevice } else { WhyCpu::OnlySoftware(software) }
 }
 
-/// Verifies on a device; a note says where not both layouts fit its memory at once. The trees of the truth are built
-/// while the device builds its own.
+/// Verifies on a device; adds a note if both layouts do not fit its memory at once. The reference trees are built while
+/// the device builds its own.
 #[cfg(feature = "vulkan")]
 fn verify_on(
     device: &Device,
@@ -202,7 +202,7 @@ impl Machine {
     /// Opens the CPU.
     ///
     /// # Errors
-    /// Any other device.
+    /// Fails for any other device.
     pub fn open(choice: &DeviceChoice) -> Result<Machine, DeviceError> {
         match choice {
             DeviceChoice::Auto | DeviceChoice::Cpu => Ok(Machine { notes: Vec::new() }),
@@ -210,12 +210,12 @@ impl Machine {
         }
     }
 
-    /// The name of the device, and what kind of thing it is.
+    /// Returns the name and kind of the device.
     pub fn name(&self) -> (&str, MachineKind) {
         ("CPU", MachineKind::Cpu)
     }
 
-    /// As [`Machine::verify`] of the second scene against the first, where trees of their meshes are known.
+    /// Like [`Machine::verify`] of the second scene against the first, with given trees of their meshes.
     ///
     /// # Errors
     /// None.
@@ -230,11 +230,11 @@ impl Machine {
 }
 
 impl Machine {
-    /// Verifies `after` against `before`. Where the device cannot hold the structures of both, it does one after the
-    /// other; where it cannot take the scenes at all, the CPU does it. A note says so.
+    /// Verifies `after` against `before`. If the device cannot hold the structures of both, it handles them one after
+    /// the other; if it cannot handle the scenes at all, the CPU does. A note says so.
     ///
     /// # Errors
-    /// A device named that fails otherwise.
+    /// Fails if a requested device fails for another reason.
     pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
         let none = &MeshTrees::default();
         self.verify_with(Sides { before, after }, Sides { before: none, after: none }, options)
@@ -246,10 +246,10 @@ impl Machine {
     }
 }
 
-/// The Vulkan devices of this machine.
+/// Lists the Vulkan devices of this machine.
 ///
 /// # Errors
-/// Why there is no Vulkan, in words.
+/// Describes why Vulkan is not available.
 #[cfg(feature = "vulkan")]
 pub fn list() -> Result<Vec<DeviceInfo>, String> {
     let listed = Vulkan::load(Options::from_env()).and_then(|vulkan| vulkan.devices());

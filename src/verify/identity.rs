@@ -1,4 +1,4 @@
-//! Which triangle of the input each triangle of the output is.
+//! Maps each triangle of the output to its triangle of the input.
 
 use std::ops::Range;
 
@@ -6,12 +6,12 @@ use raykiln_formats::contents::{Provenance, Source};
 
 use crate::scene::{CopyOf, Geometry, Instance, InstanceId, Scene, TriangleRef};
 
-/// Leads from the placed triangles of a file (`after`) to those of the file it was made from (`before`).
+/// Maps the placed triangles of a file (`after`) to those of the file it was made from (`before`).
 ///
-/// A geometry with provenance says so itself; one without stands for itself: same node, copy, mesh, primitive and
-/// triangle. An instance that places a copy says of which mesh, and leads from the copy's triangles to that mesh's.
-/// Provenance that makes no sense leads nowhere. A file equal to its input in all its provenance is the
-/// input, so that what it says is about another, earlier one, and every triangle stands for itself.
+/// The provenance of a geometry determines its sources; a geometry without provenance represents itself: same node,
+/// copy, mesh, primitive and triangle. An instance that places a copy names the copied mesh, and the copy's triangles
+/// map to that mesh's. Invalid provenance maps to nothing. A file whose provenance all equals its input's is the input:
+/// its provenance refers to another, earlier file, and every triangle represents itself.
 pub struct Identity<'a> {
     before: &'a Scene,
     after: &'a Scene,
@@ -19,17 +19,17 @@ pub struct Identity<'a> {
     placed: Vec<(u32, u32, u32)>,
     /// Meshes of `before` by their index in its file, sorted.
     meshes: Vec<(u32, u32)>,
-    /// For each mesh of `after` and each of its geometries the first triangle of every run.
+    /// The first triangle of every run, for each mesh of `after` and each of its geometries.
     starts: Vec<Vec<Vec<u64>>>,
     unchanged: bool,
 }
 
-/// A primitive of `before` as an instance places it.
+/// A primitive of `before` as placed by an instance.
 #[derive(Clone, Copy)]
 struct Piece<'a> {
     instance: u32,
     geometry: &'a Geometry,
-    /// Where the instance places a mesh of which the geometry is part of a copy: that mesh, and its number of triangles.
+    /// The mesh that the instance copies, if the geometry is part of a copy, and its number of triangles.
     copy: Option<(&'a CopyOf, u32)>,
 }
 
@@ -44,19 +44,19 @@ impl<'a> Identity<'a> {
         Identity { before, after, placed, meshes, starts, unchanged: is_unchanged(before, after) }
     }
 
-    /// The scenes it leads to and from: `before` and `after`.
+    /// Returns the scenes: `before` and `after`.
     pub fn scenes(&self) -> (&'a Scene, &'a Scene) {
         (self.before, self.after)
     }
 
-    /// The triangle of `before` that a placed triangle of `after` is.
+    /// Returns the triangle of `before` that a placed triangle of `after` represents.
     pub fn source(&self, at: TriangleRef) -> Option<TriangleRef> {
         let mesh = self.after.mesh_of(InstanceId(at.instance));
         let (geometry, triangle) = mesh.locate(at.triangle);
         self.sources(at.instance, geometry, triangle..triangle + 1).next().flatten()
     }
 
-    /// The triangles of `before` for a range of triangles of a geometry of `after`, as an instance places it.
+    /// Returns the triangles of `before` for a range of triangles of a geometry of `after`, as placed by an instance.
     pub fn sources(
         &self,
         instance: u32,
@@ -67,7 +67,7 @@ impl<'a> Identity<'a> {
         let of = &self.after.meshes[placing.mesh.0 as usize].geometries[geometry];
         let starts = &self.starts[placing.mesh.0 as usize][geometry];
         let whole = self.whole(placing, of);
-        // Consecutive triangles mostly share their run and its source: the last ones are kept.
+        // Consecutive triangles usually share their run and its source, so the last ones are kept.
         let (mut run, mut from) = (0, (u32::MAX, None));
         triangles.map(move |triangle| {
             let in_file = of.kept.as_ref().map_or(triangle as u32, |kept| kept[triangle]);
@@ -83,14 +83,14 @@ impl<'a> Identity<'a> {
         })
     }
 
-    /// How many placed triangles of `after` are triangles of `before`.
+    /// Returns the number of placed triangles of `after` that represent triangles of `before`.
     pub fn known(&self) -> u64 {
         use rayon::prelude::*;
         let of_chunk = |c: &Chunk| self.sources(c.instance, c.geometry, c.triangles.clone()).flatten().count() as u64;
         chunks(self.after).par_iter().map(of_chunk).sum()
     }
 
-    /// Where `after` has some triangles of `before`: the first place of each, `None` for triangles it has nowhere.
+    /// Returns the first place in `after` of each of the given triangles of `before`; `None` for missing triangles.
     pub fn find(&self, wanted: &[TriangleRef]) -> Vec<Option<TriangleRef>> {
         use rayon::prelude::*;
         let mut sorted = wanted.to_vec();
@@ -114,7 +114,7 @@ impl<'a> Identity<'a> {
         hits.filter_map(|(source, at)| Some((sorted.binary_search(&source?).ok()?, at))).collect()
     }
 
-    /// The primitive of `before` that a geometry without runs is.
+    /// Returns the primitive of `before` that a geometry without runs represents.
     fn whole(&self, placing: &'a Instance, of: &Geometry) -> Option<Piece<'a>> {
         let own = (self.after.meshes[placing.mesh.0 as usize].source, of.primitive);
         let (mesh, primitive) = match of.provenance {
@@ -124,7 +124,7 @@ impl<'a> Identity<'a> {
         self.placed_piece(placing, mesh, primitive)
     }
 
-    /// The primitive of `before` that runs of a source come from.
+    /// Returns the primitive of `before` that the runs of a source come from.
     fn run_source(&self, placing: &'a Instance, source: &Source) -> Option<Piece<'a>> {
         match source.node {
             Some(node) => self.piece(node, source.copy, source.mesh, source.primitive),
@@ -132,7 +132,7 @@ impl<'a> Identity<'a> {
         }
     }
 
-    /// A primitive of `before` as an instance of `after` places it or a copy of it.
+    /// Returns a primitive of `before` as placed by an instance of `after`, or by a copy of it.
     fn placed_piece(&self, placing: &'a Instance, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
         let (node, copy) = self.stands_for(placing);
         match placing.source_copy.as_ref().filter(|_| !self.unchanged) {
@@ -141,7 +141,7 @@ impl<'a> Identity<'a> {
         }
     }
 
-    /// A primitive of a mesh of `before` of which a copy of another mesh is made, which is placed there.
+    /// Returns a primitive of the mesh of `before` that a placed copy of another mesh was made from.
     fn copied_piece(&self, node: u32, copy: u32, of: &'a CopyOf, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
         let instance = self.instance(node, copy)?;
         let placed = self.before.mesh_of(InstanceId(instance));
@@ -152,13 +152,13 @@ impl<'a> Identity<'a> {
         (placed.source == of.mesh).then_some(Piece { instance, geometry: &model.geometries[geometry], copy })
     }
 
-    /// The instance of `before` that a copy of a node is.
+    /// Returns the instance of `before` for a copy of a node.
     fn instance(&self, node: u32, copy: u32) -> Option<u32> {
         let at = self.placed.binary_search_by_key(&(node, copy), |&(node, copy, _)| (node, copy)).ok()?;
         Some(self.placed[at].2)
     }
 
-    /// The node of `before` that an instance of `after` stands for, and which of its copies.
+    /// Returns the node of `before` that an instance of `after` represents, and the copy within it.
     fn stands_for(&self, placing: &Instance) -> (u32, u32) {
         if self.unchanged { (placing.node, placing.copy) } else { (placing.source_node, placing.source_index) }
     }
@@ -172,7 +172,7 @@ impl<'a> Identity<'a> {
 }
 
 impl Piece<'_> {
-    /// A triangle by its index in the file's primitive.
+    /// Returns a triangle by its index in the file's primitive.
     fn triangle(&self, in_file: u32) -> Option<TriangleRef> {
         let triangle = match &self.geometry.kept {
             Some(kept) => kept.binary_search(&in_file).ok()? as u32,
@@ -192,16 +192,16 @@ impl Piece<'_> {
     }
 }
 
-/// Some triangles of one geometry as one instance places it.
+/// A range of triangles of one geometry as placed by one instance.
 pub(super) struct Chunk {
     pub(super) instance: u32,
     pub(super) geometry: usize,
-    /// Within the geometry.
+    /// Indices within the geometry.
     pub(super) triangles: Range<usize>,
 }
 
 impl Chunk {
-    /// The chunk's triangles, by their place in the scene.
+    /// Returns the chunk's triangles, as referred to in the scene.
     pub(super) fn refs(&self, scene: &Scene) -> impl Iterator<Item = TriangleRef> + use<> {
         let instance = self.instance;
         let first = scene.mesh_of(InstanceId(instance)).geometries[self.geometry].first_triangle;
@@ -209,10 +209,10 @@ impl Chunk {
     }
 }
 
-/// Triangles a chunk.
+/// Number of triangles per chunk.
 const CHUNK: usize = 1 << 14;
 
-/// All placed triangles of a scene, in order, in chunks to be worked on in parallel.
+/// Returns all placed triangles of a scene, in order, in chunks for parallel work.
 pub(super) fn chunks(scene: &Scene) -> Vec<Chunk> {
     let mut chunks = Vec::new();
     for (instance, placing) in scene.instances.iter().enumerate() {
@@ -228,7 +228,7 @@ pub(super) fn chunks(scene: &Scene) -> Vec<Chunk> {
     chunks
 }
 
-/// The first triangle of every run of a geometry, by index in its file.
+/// Returns the first triangle of every run of a geometry, by index in its file.
 fn run_starts(geometry: &Geometry) -> Vec<u64> {
     let Some(Provenance::Runs { runs, .. }) = &geometry.provenance else { return Vec::new() };
     let mut next = 0;
@@ -241,7 +241,7 @@ fn run_starts(geometry: &Geometry) -> Vec<u64> {
     starts
 }
 
-/// The run a triangle lies in, looked for first at the run of the triangle before it.
+/// Returns the run that contains a triangle, trying first the run of the previous triangle.
 fn run_of(starts: &[u64], in_file: u64, hint: usize) -> Option<usize> {
     let is_in = |run: usize| starts.get(run..run + 2).is_some_and(|s| (s[0]..s[1]).contains(&in_file));
     [hint, hint + 1]
@@ -267,7 +267,7 @@ fn is_unchanged(before: &Scene, after: &Scene) -> bool {
         })
 }
 
-/// A placed triangle in words.
+/// Describes a placed triangle.
 pub(super) fn describe(scene: &Scene, at: TriangleRef) -> String {
     let instance = &scene.instances[at.instance as usize];
     let mesh = scene.mesh_of(InstanceId(at.instance));

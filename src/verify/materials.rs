@@ -1,4 +1,4 @@
-//! Which materials of two files are the same, where nothing says so.
+//! Matches the materials of two files that have no provenance.
 
 use std::collections::HashMap;
 
@@ -6,19 +6,20 @@ use super::compare::material;
 use super::{Side, Sides};
 use crate::scene::{Material, Scene, TriangleRef};
 
-/// The materials of two scenes by what they have in common: their name, or their look.
+/// The materials of two scenes, grouped by name or by look.
 pub(super) struct Materials {
     by_name: bool,
-    /// For each scene, the kind of each material, that of the default material last.
+    /// The kind of each material of each scene; the default material comes last.
     kinds: Sides<Vec<u32>>,
-    /// What to call each kind.
+    /// The name of each kind.
     words: Vec<String>,
 }
 
 impl Materials {
-    /// Names count where every material that shows has one, in both scenes; the default material then is one of its
-    /// own, and those of the first scene that differ in their name alone are one, since tools join them. Otherwise it is what [`Material::look`], alpha mode and sides say: a tool that drops names, or writes them
-    /// for some, cannot be held to them.
+    /// Names count if every material in use has one, in both scenes; the default material is then separate, and
+    /// materials of the first scene that differ only in name are one, since tools join them. Otherwise
+    /// [`Material::look`], alpha mode and sides count, as a tool that drops names, or writes only some, cannot be
+    /// expected to keep them.
     pub(super) fn of(scenes: Sides<&Scene>) -> Materials {
         let are_named = |scene| shown(scene).all(|m| m.name.is_some());
         let by_name = are_named(scenes.before) && are_named(scenes.after);
@@ -40,30 +41,30 @@ impl Materials {
         Materials { by_name, kinds, words }
     }
 
-    /// Whether names count.
+    /// Whether materials are grouped by name.
     pub(super) fn are_named(&self) -> bool {
         self.by_name
     }
 
-    /// The kind of material a triangle of either scene has.
+    /// Returns the kind of material of a triangle of either scene.
     pub(super) fn kind(&self, side: Side, scene: &Scene, at: TriangleRef) -> u32 {
         let kinds = &self.kinds[side];
         kinds[material(scene, at).map_or(kinds.len() - 1, |m| m as usize)]
     }
 
-    /// What to call a kind.
+    /// Returns the name of a kind.
     pub(super) fn name(&self, kind: u32) -> &str {
         &self.words[kind as usize]
     }
 }
 
-/// The materials that a scene's geometries have.
+/// Returns the materials used by a scene's geometries.
 fn shown(scene: &Scene) -> impl Iterator<Item = &Material> {
     let geometries = scene.meshes.iter().flat_map(|mesh| &mesh.geometries);
     geometries.filter_map(|geometry| geometry.material).map(|m| &scene.materials[m as usize])
 }
 
-/// For each name of a scene's materials that of the first one that says the same.
+/// Maps each material name of a scene to that of the first material that equals it in all else.
 fn twins(scene: &Scene) -> HashMap<&str, &str> {
     let mut twins = HashMap::new();
     for material in &scene.materials {
@@ -97,7 +98,7 @@ mod tests {
     use crate::scene::Opacity;
     use glam::DAffine3;
 
-    /// A cube for each material, and one of the default material.
+    /// Returns a scene with a cube for each material, and one for the default material.
     fn of(materials: Vec<Material>) -> Scene {
         let meshes = (0..=materials.len()).map(|i| cube(i as u32, (i < materials.len()).then_some(i as u32)));
         let places: Vec<_> = (0..=materials.len()).map(|i| (i as u32, DAffine3::IDENTITY)).collect();

@@ -1,8 +1,8 @@
-//! Proves that a written file shows what the input shows.
+//! Verifies that a written file shows the same as the input.
 //!
-//! [`structure`] compares the two scenes triangle by triangle, exactly; [`compare`] compares what rays see of them;
-//! [`verdict`] states the rules. Rays, comparison and verdict know no tracer but the trait [`Tracer`]; [`device`] decides
-//! which one traces.
+//! [`structure`] compares the two scenes triangle by triangle, exactly; [`compare`] compares what rays hit in them;
+//! [`verdict`] states the rules. Rays, comparison and verdict use tracers only through the trait [`Tracer`]; [`device`]
+//! decides which one traces.
 
 pub mod approach;
 pub mod build;
@@ -50,29 +50,29 @@ use weights::Weights;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 
-/// How to verify.
+/// Options of a verification.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct VerifyOptions {
-    /// Where to trace; [`Machine::open`] reads it, and nothing else does.
+    /// The device to trace on; only [`Machine::open`] reads it.
     pub device: DeviceChoice,
     /// How triangles are matched.
     pub matching: Matching,
     /// How a device builds its acceleration structures.
     pub build: BuildOptions,
-    /// Rays of each of the four kinds that are compared.
+    /// Number of compared rays for each of the four kinds.
     pub rays_per_kind: u32,
-    /// Rays of each kind that are timed; `None` for as many as suit the device ([`Pace::rays`]).
+    /// Number of timed rays for each kind; `None` for as many as suit the device ([`Pace::rays`]).
     pub timed_rays_per_kind: Option<u32>,
     /// Seed of the rays.
     pub seed: u64,
-    /// What each kind counts for where one number is wanted.
+    /// Weight of each ray kind in the overall speed.
     pub weights: Weights,
-    /// How often each kind is timed; 0 counts as 1.
+    /// Number of times each kind is timed; 0 counts as 1.
     pub repeats: u32,
-    /// Largest distance a corner may lie from its place, over the diagonal of the input's box.
+    /// Largest allowed position error of a corner, relative to the diagonal of the input's box.
     pub max_position_error_ratio: f64,
-    /// Share of the rays on which before and after agree that is held against the truth all the same, 0 to 1.
+    /// Share of the rays with equal results that is checked against the truth anyway, 0 to 1.
     pub sample_ratio: f64,
 }
 
@@ -93,38 +93,38 @@ impl Default for VerifyOptions {
     }
 }
 
-/// By what triangles of the output are matched with those of the input.
+/// How triangles of the output are matched with those of the input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Matching {
-    /// By what the output says about where each comes from; all of them are compared, exactly.
+    /// By the provenance recorded in the output; all triangles are compared, exactly.
     #[default]
     Identity,
-    /// By nothing: only what rays see of the surfaces is compared, as far as their place, side and the name or look
-    /// of their material go.
+    /// Not matched: only the surfaces that rays hit are compared, by place, side, and the name or look of their
+    /// material.
     Surface,
 }
 
-/// What a ray hits.
+/// A hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance in lengths of the ray's direction.
+    /// Distance, in units of the direction's length.
     pub t: f32,
     /// Index into the scene's instances.
     pub instance: u32,
-    /// Triangle of the instance's mesh, counted through all its geometries.
+    /// Index of the triangle in the instance's mesh, counted across all its geometries.
     pub triangle: u32,
-    /// Whether the front is seen, by glTF's rule: the side from which the corners run counter-clockwise in the mesh.
+    /// Whether the front is hit, by glTF's rule: the side on which the corners run counter-clockwise in the mesh.
     pub front: bool,
 }
 
-/// Verifies `after`, the file written, against `before`, the input, on the CPU.
+/// Verifies `after`, the written file, against `before`, the input, on the CPU.
 pub fn verify(before: &Scene, after: &Scene, options: &VerifyOptions) -> Verification {
     let none = &MeshTrees::default();
     verify_on_cpu(Sides { before, after }, Sides { before: none, after: none }, options)
 }
 
-/// As [`verify`], where trees of the scenes' meshes are known.
+/// Like [`verify`], with given trees of the scenes' meshes.
 fn verify_on_cpu(scenes: Sides<&Scene>, trees: Sides<&MeshTrees>, options: &VerifyOptions) -> Verification {
     let Sides { before, after } = scenes.zip(trees);
     let (before, after) =
@@ -135,10 +135,10 @@ fn verify_on_cpu(scenes: Sides<&Scene>, trees: Sides<&MeshTrees>, options: &Veri
     found
 }
 
-/// Verifies with a tracer through each of the scenes; `reference` is of `before`.
+/// Verifies with one tracer per scene; `reference` is that of `before`.
 ///
 /// # Errors
-/// Those of the tracers.
+/// Returns the errors of the tracers.
 pub fn verify_with<'t, T: Tracer + 't>(
     scenes: Sides<&Scene>,
     reference: &Reference,

@@ -1,4 +1,4 @@
-//! Several layouts of one scene timed with the same rays.
+//! Times several layouts of one scene with the same rays.
 
 use super::build::Built;
 use super::cpu::{CpuTracer, TwoLevel};
@@ -10,21 +10,21 @@ use super::vulkan::{Error, Pipelines, VulkanTracer};
 use super::{Machine, PerKind, Tracer, VerifyOptions};
 use crate::scene::Scene;
 
-/// How one contender did.
+/// The result of one contender.
 #[derive(Clone, Debug)]
 pub struct Lap {
-    /// Its speed by kind of rays, as the output's, against the input's.
+    /// Its speed as the output, by ray kind, with that of the input.
     pub kinds: PerKind<KindSpeed>,
-    /// What was built for it; `None` where that tells nothing of a device.
+    /// Structures built for it; `None` if they say nothing about a device.
     pub built: Option<Built>,
 }
 
-/// How carefully contenders are timed.
+/// How thoroughly contenders are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Care {
-    /// As a verification times.
+    /// As in a verification.
     Full,
-    /// With a quarter of the rays and three repeats: enough to tell which of many deserve more.
+    /// With a quarter of the rays and three repeats, which suffices to preselect from many contenders.
     Brief,
 }
 
@@ -79,16 +79,16 @@ pub(super) fn race<T: Tracer>(
     Ok(laps)
 }
 
-/// Seconds that a kind of rays may take through the input.
+/// Longest time that a kind of rays may take through the input, in seconds.
 const MOST_SECONDS: f64 = 0.02;
 
-/// Rays that keep a device busy: no fewer are timed for the sake of time.
+/// Number of rays that keep a device busy: the limit on time does not reduce them further.
 const FEWEST_RAYS: usize = 1 << 20;
 
-/// Rays that stay together, as neighbours that a device traces in step.
+/// Number of neighbouring rays that stay together, because a device traces them in lockstep.
 const TOGETHER: usize = 1 << 10;
 
-/// As many of the rays as do not take too long, spread over all of them.
+/// Returns as many of the rays as do not take too long, spread over all of them.
 fn affordable<T: Tracer>(tracer: &T, kind: RayKind, rays: Vec<Ray>) -> Result<Vec<Ray>, T::Error> {
     if rays.len() <= FEWEST_RAYS {
         return Ok(rays);
@@ -98,14 +98,14 @@ fn affordable<T: Tracer>(tracer: &T, kind: RayKind, rays: Vec<Ray>) -> Result<Ve
     Ok(if count < rays.len() { spread(&rays, count) } else { rays })
 }
 
-/// About `count` rays, in groups of neighbours that lie evenly among all.
+/// Returns about `count` rays, in groups of neighbours at regular intervals.
 fn spread(rays: &[Ray], count: usize) -> Vec<Ray> {
     let groups: Vec<&[Ray]> = rays.chunks(TOGETHER).collect();
     let wanted = count.div_ceil(TOGETHER).min(groups.len());
     (0..wanted).flat_map(|i| groups[i * groups.len() / wanted]).copied().collect()
 }
 
-/// As [`Machine::race`] on the CPU, whose speeds tell nothing of a device.
+/// Like [`Machine::race`], but on the CPU, whose timings do not predict GPU speed.
 pub fn race_on_cpu(
     before: &Scene,
     contenders: usize,
@@ -114,7 +114,7 @@ pub fn race_on_cpu(
 ) -> Vec<Lap> {
     let trees = TwoLevel::build(before);
     let first = CpuTracer::new(&trees);
-    // One at a time, so that the trees of one contender are gone before those of the next are built.
+    // One at a time, so that the trees of one contender are freed before those of the next are built.
     let lap = |i| {
         let trees = TwoLevel::build(&scene_of(i));
         let Ok(laps) = race(before, &first, 1, |_| Ok(CpuTracer::new(&trees)), Care::Full, options);
@@ -123,7 +123,7 @@ pub fn race_on_cpu(
     (0..contenders).flat_map(lap).collect()
 }
 
-/// Does work that takes scenes one after the other, each prepared while the one before is worked on.
+/// Runs work that takes scenes one after the other, preparing each while the previous one is in use.
 #[cfg(feature = "vulkan")]
 fn prepared_ahead<R>(
     count: usize,
@@ -134,13 +134,13 @@ fn prepared_ahead<R>(
     std::thread::scope(|scope| {
         let (send, receive) = std::sync::mpsc::sync_channel(0);
         scope.spawn(move || (0..count).map(scene_of).all(|scene| send.send(scene).is_ok()));
-        // Nothing is received where preparing panicked, which the end of the scope passes on.
+        // Nothing is received if preparing panicked; the scope then propagates the panic.
         work(&move || receive.recv().unwrap_or_default())
     })
 }
 
-/// Gives all laps the same speeds of the input, the medians of all laps, and contenders theirs in relation to those: a
-/// device that is still clocking up times the first laps alike, and too slow.
+/// Gives all laps the same input speeds, the medians over all laps, and scales the contenders' speeds accordingly:
+/// while a device still raises its clock, the first laps are slow for input and contender alike.
 fn level<E>(laps: &mut [Result<Lap, E>]) {
     for kind in RayKind::ALL {
         let timed = laps.iter_mut().flatten().map(|lap| &mut lap.kinds[kind]).filter(|k| k.before_mrays_per_s > 0.0);
@@ -175,7 +175,7 @@ impl Machine {
             let build = |scene: &Scene| VulkanTracer::new(&pipelines, scene, options.build);
             let first = build(before)?;
             match device.info().is_software {
-                // What is prepared beside it would slow it down.
+                // Preparing scenes at the same time would slow it down.
                 true => race(before, &first, contenders, |i| build(&scene_of(i)), care, options),
                 false => prepared_ahead(contenders, scene_of, |next| {
                     race(before, &first, contenders, |_| build(&next()), care, options)

@@ -1,4 +1,4 @@
-//! Random numbers by position: the numbers of ray `i` depend on the seed and `i` alone, so that rays are the same for
+//! Random numbers by position: the numbers of ray `i` depend only on the seed and `i`, so that rays are the same for
 //! any number of threads.
 
 use glam::{DVec2, DVec3};
@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 /// SplitMix64 of G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014.
 pub(super) struct Random(u64);
 
-/// The golden ratio, as the paper's sequence steps by it.
+/// Increment of the paper's sequence, derived from the golden ratio.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 fn mixed(mut z: u64) -> u64 {
@@ -16,29 +16,29 @@ fn mixed(mut z: u64) -> u64 {
 }
 
 impl Random {
-    /// The sequence of a position in a stream.
+    /// Returns the sequence of a position in a stream.
     pub(super) fn at(seed: u64, stream: u64, index: usize) -> Random {
         let stream = mixed(seed.wrapping_add(STEP)) ^ mixed(stream.wrapping_mul(STEP));
         Random(mixed(stream.wrapping_add((index as u64).wrapping_mul(STEP))))
     }
 
-    /// 64 random bits.
+    /// Returns 64 random bits.
     pub(super) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(STEP);
         mixed(self.0)
     }
 
-    /// A number in [0, 1).
+    /// Returns a number in [0, 1).
     pub(super) fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// A whole number below `bound`, which must not be 0 (biased by less than bound / 2^53).
+    /// Returns an integer below `bound`, which must not be 0 (biased by less than bound / 2^53).
     pub(super) fn below(&mut self, bound: u64) -> u64 {
         ((self.unit() * bound as f64) as u64).min(bound - 1)
     }
 
-    /// A direction, all alike.
+    /// Returns a uniformly distributed direction.
     pub(super) fn direction(&mut self) -> DVec3 {
         let z = 1.0 - 2.0 * self.unit();
         let (sin, cos) = (std::f64::consts::TAU * self.unit()).sin_cos();
@@ -46,7 +46,7 @@ impl Random {
         DVec3::new(r * cos, r * sin, z)
     }
 
-    /// A point of the unit disc, all alike.
+    /// Returns a uniformly distributed point of the unit disc.
     pub(super) fn in_disc(&mut self) -> DVec2 {
         let r = self.unit().sqrt();
         let (sin, cos) = (std::f64::consts::TAU * self.unit()).sin_cos();

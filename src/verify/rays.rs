@@ -12,17 +12,17 @@ use super::rounding::SINGLE;
 use super::view::{Stage, View};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
-/// A ray. Hits count where they lie between `t_min` and `t_max`, in lengths of the direction, the ends excluded.
+/// A ray. Hits between `t_min` and `t_max`, in units of the direction's length and excluding both, count.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Ray {
-    /// Where it starts; finite.
+    /// Origin; finite.
     pub origin: Vec3,
-    /// Where it goes; finite and not zero. Generated rays have a direction of length one.
+    /// Direction; finite and not zero. Generated rays have a direction of length one.
     pub direction: Vec3,
-    /// Nearest distance that counts; at least 0.
+    /// Smallest distance that counts; at least 0.
     pub t_min: f32,
-    /// Farthest distance that counts.
+    /// Largest distance that counts.
     pub t_max: f32,
 }
 
@@ -31,9 +31,9 @@ pub struct Ray {
 pub enum RayKind {
     /// From the camera.
     Primary,
-    /// From what the camera sees to a point of an area light.
+    /// From a point seen by the camera to a point of an area light.
     Shadow,
-    /// From what the camera sees, cosine-distributed about the normal.
+    /// From a point seen by the camera, cosine-distributed about the normal.
     Diffuse,
     /// Uniform random lines.
     Random,
@@ -43,7 +43,7 @@ impl RayKind {
     /// All kinds, in the order of their declaration.
     pub const ALL: [RayKind; 4] = [RayKind::Primary, RayKind::Shadow, RayKind::Diffuse, RayKind::Random];
 
-    /// The name on the command line and in reports.
+    /// Returns the name on the command line and in reports.
     pub fn name(self) -> &'static str {
         match self {
             RayKind::Primary => "primary",
@@ -59,19 +59,19 @@ impl RayKind {
 pub struct Rays {
     /// The rays of each kind.
     pub kinds: PerKind<Vec<Ray>>,
-    /// Where the primary rays come from, in words.
+    /// Description of where the primary rays come from.
     pub view: String,
     /// Half the diagonal of the scene's box, in world units.
     pub radius: f64,
 }
 
-/// Rays of a kind that a verification may be asked for at most: they are held in memory, 32 bytes each, and what they hit.
+/// Largest number of rays per kind: they are held in memory, 32 bytes each, with their hits.
 pub const MOST_RAYS: u32 = 1 << 24;
-/// Directions tried to find out whether a scene surrounds its middle.
+/// Number of directions tried to find out whether a scene surrounds its centre.
 const PROBES: usize = 256;
-/// A view serves if at least one primary ray in this many hits something.
+/// A view is usable if at least one primary ray in this many hits something.
 const RAYS_PER_HIT: usize = 64;
-/// How far rays from a surface start off it, in radii of the scene. More than the position error allowed by default.
+/// Offset of rays that start at a surface, in radii of the scene. Exceeds the position error allowed by default.
 const OFFSET: f64 = 2e-5;
 
 /// Streams of random numbers.
@@ -104,10 +104,10 @@ pub fn generate(scene: &Scene, reference: &Reference, count: usize, seed: u64) -
     rays
 }
 
-/// As [`generate`], where `closest` gives what rays hit first, such as a device can tell of millions of them.
+/// Like [`generate`], where `closest` returns the first hits of rays, for example from a device for millions of them.
 ///
 /// # Errors
-/// Those of `closest`.
+/// Returns the errors of `closest`.
 pub fn generate_by<E>(
     scene: &Scene,
     closest: impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
@@ -160,7 +160,7 @@ impl Maker<'_> {
         (0..self.count).into_par_iter().map(ray).collect()
     }
 
-    /// The primary rays of the first view that sees enough, and what they see.
+    /// Returns the primary rays of the first usable view, and what they hit.
     fn look<E>(
         &self,
         closest: &impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
@@ -207,7 +207,7 @@ impl Maker<'_> {
         Seen { point: ray.origin.as_dvec3() + hit.t * direction, normal }
     }
 
-    /// A point of a random triangle, each placed triangle alike.
+    /// Returns a point of a random triangle; each placed triangle is equally likely.
     fn surface_point(&self, index: usize) -> Seen {
         let mut random = self.random_at(stream::SURFACE, index);
         let [a, b, c] = self.scene.world_corners(self.random_triangle(&mut random));
@@ -228,7 +228,7 @@ impl Maker<'_> {
         let mut random = self.random_at(stream::SHADOW, index);
         let light = self.stage.light([random.unit(), random.unit()]);
         let Seen { point, normal } = seen[index % seen.len()];
-        // A surface that turns its seen side away from the light is lit from behind.
+        // A surface whose visible side faces away from the light is lit from behind.
         let side = if normal.dot(light - point) < 0.0 { -normal } else { normal };
         let origin = self.off(point, side);
         let way = light - origin;
@@ -252,7 +252,7 @@ impl Maker<'_> {
         Ray::endless(origin, direction)
     }
 
-    /// A point a little off a surface, as a ray stores it.
+    /// Returns a point slightly off a surface, as a ray stores it.
     fn off(&self, point: DVec3, normal: DVec3) -> DVec3 {
         let rounding = 64.0 * SINGLE * point.abs().max_element();
         storable(point + normal * rounding.max(OFFSET * self.stage.radius)).as_dvec3()
@@ -264,7 +264,7 @@ impl Maker<'_> {
 }
 
 impl Ray {
-    /// A ray without an end. Numbers beyond single precision become its largest ones, directions of no length z.
+    /// Returns a ray without an end. Numbers beyond single precision are clamped to it; a zero direction becomes z.
     pub(super) fn endless(origin: DVec3, direction: DVec3) -> Ray {
         let largest = direction.abs().max_element();
         let direction = (direction / largest).normalize_or(DVec3::Z);
@@ -276,13 +276,13 @@ fn storable(point: DVec3) -> Vec3 {
     Vec3::from_array(point.to_array().map(single))
 }
 
-/// The nearest finite `f32`; zero for what is no number.
+/// Returns the nearest finite `f32`; zero for NaN.
 fn single(x: f64) -> f32 {
     let most = f64::from(f32::MAX);
     if x.is_nan() { 0.0 } else { x.clamp(-most, most) as f32 }
 }
 
-/// The normal on the side from which corners run counter-clockwise; none for a triangle without area.
+/// Returns the normal on the side on which corners run counter-clockwise; `None` for a triangle without area.
 fn normal(corners: &[DVec3; 3]) -> Option<DVec3> {
     let [a, b, c] = *corners;
     let (ab, ac) = (b - a, c - a);

@@ -1,38 +1,38 @@
-//! How far single precision may move a ray against a surface.
+//! Bounds how far single precision may move a ray relative to a surface.
 
 use glam::{DAffine3, DMat3, DVec3};
 
-/// Half the distance of 1 from the next larger `f32`.
+/// Half the distance from 1 to the next larger `f32`.
 pub const SINGLE: f64 = f32::EPSILON as f64 / 2.0;
 
-/// Half the distance of 0 from the next larger `f32`: no rounding is finer.
+/// Half the distance from 0 to the next larger `f32`, the smallest possible rounding error.
 pub const SMALLEST: f64 = 0.5 * f32::from_bits(1) as f64;
 
-/// The largest numbers that meet when a ray is taken into the coordinates of a mesh: every rounding on the way moves
-/// the ray by at most [`SINGLE`] times them.
+/// The largest numbers that occur when a ray is transformed into the coordinates of a mesh: every rounding moves the
+/// ray by at most [`SINGLE`] times them.
 #[derive(Clone, Copy, Debug)]
 pub struct Magnitude {
-    /// |A| |A^-1|, taken entry by entry.
+    /// |A| |A^-1|, with absolute values element by element.
     spread: DMat3,
-    /// What translation and vertices contribute, in world units.
+    /// Contribution of translation and vertices, in world units.
     fixed: DVec3,
 }
 
 impl Magnitude {
-    /// Of an instance with a transform, its inverse and the largest coordinates of its mesh.
+    /// Computes it for an instance from its transform, the inverse, and the largest coordinates of its mesh.
     pub fn new(to_world: &DAffine3, to_mesh: &DAffine3, mesh: DVec3) -> Magnitude {
         let (there, back) = (absolute(&to_world.matrix3), absolute(&to_mesh.matrix3));
         let spread = there * back;
         Magnitude { spread, fixed: spread * to_world.translation.abs() + there * mesh }
     }
 
-    /// In world units, of a ray whose coordinates reach `ray` in world units.
+    /// Returns it in world units, for a ray whose coordinates reach `ray` in world units.
     pub fn at(&self, ray: DVec3) -> f64 {
         (self.spread * ray + self.fixed).max_element()
     }
 }
 
-/// A matrix of the entries' absolute values.
+/// Returns the matrix of absolute values.
 pub(super) fn absolute(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
 }

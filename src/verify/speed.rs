@@ -1,37 +1,37 @@
-//! How fast both scenes are traced.
+//! Measures how fast both scenes are traced.
 //!
-//! Input and output are timed in turns, beginning and ending with the input, so that every time of the output has one of
-//! the input before and after it. Their mean over it is one *paired ratio*: a drift of the machine's speed cancels, and
-//! what disturbs one time disturbs two ratios at most. The speedup is the median of these ratios. Its uncertainty has the
-//! form of the notches of R. McGill, J. W. Tukey, W. A. Larsen, "Variations of Box Plots", The American Statistician
-//! 32(1), 1978, a robust width over the root of the number; for the width stands, instead of the distance of quartiles,
-//! the distance from the median that two thirds of the ratios keep to, which bears two bad ratios of seven.
+//! Input and output are timed in turns, beginning and ending with the input, so that each time of the output has one of
+//! the input before and after it. The mean of those two over it is one *paired ratio*: a drift of the machine's speed
+//! cancels, and a disturbed time affects at most two ratios. The speedup is the median of these ratios. Its uncertainty
+//! has the form of the notches of R. McGill, J. W. Tukey, W. A. Larsen, "Variations of Box Plots", The American
+//! Statistician 32(1), 1978: a robust width over the root of the number. The width is not the distance of quartiles,
+//! but the distance from the median that two thirds of the ratios stay within, which tolerates two bad ratios of seven.
 
 use serde::Serialize;
 
 use super::rays::RayKind;
 use super::{Sides, Tracer};
 
-/// Repeats that a timing may be asked for at most; more tell nothing new.
+/// Largest number of repeats; more add no information.
 pub const MOST_REPEATS: u32 = 1000;
 
 /// Speed of one kind of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct KindSpeed {
-    /// Million rays a second through the input, median over the repeats; 0 without rays.
+    /// Million rays per second through the input, median over the repeats; 0 without rays.
     pub before_mrays_per_s: f64,
-    /// The same through the output.
+    /// Million rays per second through the output.
     pub after_mrays_per_s: f64,
     /// After over before, the median of paired ratios; 1 without rays.
     pub speedup_ratio: f64,
-    /// How far off `speedup_ratio` may be: half the width of its confidence interval of about 95 % (86 % at four
-    /// repeats). 0 where all repeats are alike; infinite (`null` in JSON) for fewer than three, of which nothing follows.
-    /// Where both were not timed in turns, the sum of what their medians may be off.
+    /// Uncertainty of `speedup_ratio`: half the width of its confidence interval of about 95 % (86 % at four repeats).
+    /// 0 if all repeats are equal; infinite (`null` in JSON) for fewer than three, which do not determine it. If input
+    /// and output were not timed in turns, the sum of the uncertainties of their medians.
     pub spread_ratio: f64,
 }
 
 impl KindSpeed {
-    /// Of `count` rays that took so many seconds through the input and, in between, through the output: see [`times`].
+    /// Computes the speed of `count` rays from seconds through the input and, in between, the output: see [`times`].
     pub fn in_turns(count: usize, seconds: &Sides<Vec<f64>>) -> KindSpeed {
         let Sides { before, after } = seconds;
         let around = before.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
@@ -43,8 +43,8 @@ impl KindSpeed {
         KindSpeed { speedup_ratio, spread_ratio: off(&ratios), ..KindSpeed::medians(count, before, after) }
     }
 
-    /// As [`KindSpeed::in_turns`], timed one after the other: no turns make up for a drift between the two, so that
-    /// what either median may be off adds up.
+    /// Like [`KindSpeed::in_turns`], for times taken one after the other: nothing cancels a drift between the two, so
+    /// the uncertainties of both medians add up.
     pub fn one_after_the_other(count: usize, seconds: &Sides<Vec<f64>>) -> KindSpeed {
         let Sides { before, after } = seconds;
         if count == 0 || before.is_empty() || after.is_empty() {
@@ -74,22 +74,22 @@ impl Default for KindSpeed {
     }
 }
 
-/// Successive times that differ by less than this share have settled.
+/// Times have settled when successive ones differ by less than this share.
 const SETTLED_RATIO: f64 = 0.01;
 
-/// Fewer numbers than this say nothing about how far off their median is.
+/// With fewer numbers than this, the uncertainty of their median is unknown.
 const FEWEST: usize = 3;
 
-/// Half the width of the confidence interval over [`deviation`] and the root of the number of ratios. Found by
-/// simulation of normal, Laplace and heavy-tailed errors of single times: so the interval holds the true ratio in 94 % to
-/// 96 % of all series of 3, 5 or 7, in 86 % of 4, in 97 % or more of 6 and of more than 7.
+/// Factor from [`deviation`] over the root of the number of ratios to half the width of the confidence interval. Found
+/// by simulating normal, Laplace and heavy-tailed errors of single times: the interval contains the true ratio in 94 %
+/// to 96 % of all series of 3, 5 or 7, in 86 % of 4, in 97 % or more of 6 and of more than 7.
 const CONFIDENCE: f64 = 4.0;
 
-/// Seconds that tracers take for the same rays, in turns, so that a drift of the machine's speed meets all alike: the first
-/// one begins and ends. For each tracer a list, of `repeats` times, for the first one of one more.
+/// Returns the seconds that tracers take for the same rays, in turns, so that a drift of the machine's speed affects
+/// all alike: the first tracer begins and ends. Each tracer gets a list of `repeats` times, the first one of one more.
 ///
 /// # Errors
-/// Those of the tracers.
+/// Returns the errors of the tracers.
 pub fn times<T: Tracer, const N: usize>(
     kind: RayKind,
     rays: &T::Rays<'_>,
@@ -129,13 +129,13 @@ fn warm_up<T: Tracer, const N: usize>(kind: RayKind, rays: &T::Rays<'_>, tracers
     Ok(())
 }
 
-/// The median of some numbers, at least one.
+/// Returns the median of numbers, of which there is at least one.
 fn median(numbers: &[f64]) -> f64 {
     let sorted = sorted(numbers.iter().copied());
     0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2])
 }
 
-/// How far off the median of some numbers may be.
+/// Returns the uncertainty of the median of numbers.
 fn off(numbers: &[f64]) -> f64 {
     match numbers.len() {
         n if n < FEWEST => f64::INFINITY,
@@ -143,7 +143,7 @@ fn off(numbers: &[f64]) -> f64 {
     }
 }
 
-/// The distance from their middle that two thirds of some numbers keep to: about the standard deviation of normal ones.
+/// Distance from the middle that two thirds of the numbers stay within: about the standard deviation of normal ones.
 fn deviation(numbers: &[f64], middle: f64) -> f64 {
     let sorted = sorted(numbers.iter().map(|x| (x - middle).abs()));
     sorted[(2 * (sorted.len() - 1)).div_ceil(3)]
@@ -160,7 +160,7 @@ mod tests {
     use super::super::random::Random;
     use super::*;
 
-    /// Times of a million rays, in turns, on a machine that slows down by the given share from time to time taken.
+    /// Returns times of a million rays, in turns, on a machine that slows down by the given share each time.
     fn drifting(repeats: usize, speedup: f64, drift: f64) -> [Vec<f64>; 2] {
         let clock = |i: usize| 1.0 + drift * i as f64;
         [(0..=repeats).map(|i| clock(2 * i)).collect(), (0..repeats).map(|i| clock(2 * i + 1) / speedup).collect()]
@@ -170,7 +170,7 @@ mod tests {
         KindSpeed::in_turns(1_000_000, &times.clone().into())
     }
 
-    /// A normal number, nearly: the sum of twelve uniform ones (Irwin and Hall).
+    /// Returns an approximately normal number: the sum of twelve uniform ones (Irwin and Hall).
     fn normal(random: &mut Random) -> f64 {
         (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
     }

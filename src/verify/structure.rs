@@ -13,24 +13,24 @@ use crate::scene::{InstanceId, Scene, TriangleRef};
 /// Triangles with one kind of fault.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Fault {
-    /// How many.
+    /// Number of triangles.
     pub count: u64,
-    /// The first of them, in words.
+    /// Description of the first of them.
     pub first: Option<String>,
 }
 
-/// What comparing two scenes triangle by triangle found.
+/// Results of comparing two scenes triangle by triangle.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Structure {
-    /// Triangles that the input's instances place.
+    /// Number of triangles placed by the input's instances.
     pub triangles_before: u64,
-    /// Triangles that the output's instances place.
+    /// Number of triangles placed by the output's instances.
     pub triangles_after: u64,
-    /// Triangles of the input that the output lacks.
+    /// Triangles of the input that are not in the output.
     pub missing: Fault,
-    /// Triangles of the input that the output has more than once; the first does not count.
+    /// Triangles of the input that the output has more than once; the first occurrence does not count.
     pub repeated: Fault,
-    /// Triangles of the output that are none of the input's.
+    /// Triangles of the output that do not represent a triangle of the input.
     pub unknown: Fault,
     /// Triangles with another material than in the input.
     pub wrong_material: Fault,
@@ -40,7 +40,7 @@ pub struct Structure {
     pub moved: Fault,
     /// Largest distance of a corner from its place, in world units.
     pub max_position_error: f64,
-    /// The same over the diagonal of the input's box (of a scene in one point: over its distance from the origin).
+    /// The same over the diagonal of the input's box (for a single point, over its distance from the origin).
     pub position_error_ratio: f64,
 }
 
@@ -57,13 +57,13 @@ impl Structure {
         ]
     }
 
-    /// Whether there is no fault.
+    /// Whether there are no faults.
     pub fn is_clean(&self) -> bool {
         self.faults().iter().all(|(_, fault)| fault.count == 0)
     }
 }
 
-/// Compares two scenes triangle by triangle, in time linear in their number and with two bits of memory for each.
+/// Compares two scenes triangle by triangle, in time linear in their number, using two bits of memory for each.
 ///
 /// Corners may be listed in another order as long as the same side is the front; each may lie up to
 /// `max_position_error_ratio` times the input's diagonal from its place. Instances with singular transforms, which no
@@ -90,7 +90,7 @@ pub fn compare(identity: &Identity, before: &Scene, after: &Scene, max_position_
     }
 }
 
-/// What position errors are relative to: the diagonal of the scene's box, or what stands in for it.
+/// Returns the length that position errors are relative to: the diagonal of the scene's box, or its replacement.
 pub fn reference_length(scene: &Scene) -> f64 {
     let bounds = scene.bounds();
     let from_origin = bounds.center().length();
@@ -101,7 +101,7 @@ struct Check<'a> {
     identity: &'a Identity<'a>,
     before: &'a Scene,
     after: &'a Scene,
-    /// Largest position error allowed, in world units.
+    /// Largest allowed position error, in world units.
     limit: f64,
     seen: Seen,
 }
@@ -124,7 +124,7 @@ impl Few {
     }
 }
 
-/// What was found in a stretch of triangles.
+/// Results for a range of triangles.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     repeated: u64,
@@ -177,9 +177,9 @@ impl Check<'_> {
     }
 }
 
-/// How far the farthest corner is from its place, for the best assignment of corners, and whether that assignment
-/// leaves the same side in front. Where both sides fit about as well, as in triangles no larger than the error, the
-/// triangle counts as not flipped.
+/// Returns the distance of the farthest corner from its place, for the best assignment of corners, and whether that
+/// assignment keeps the same side in front. If both sides fit about equally well, as in triangles no larger than the
+/// error, the triangle does not count as flipped.
 fn distance(placed: &[DVec3; 3], original: &[DVec3; 3]) -> (f64, bool) {
     let [a, b, c] = *placed;
     let farthest = |order: [DVec3; 3]| order.iter().zip(original).map(|(p, q)| p.distance(*q)).fold(0.0, worse);
@@ -191,14 +191,14 @@ fn distance(placed: &[DVec3; 3], original: &[DVec3; 3]) -> (f64, bool) {
     if flipped < 0.25 * same { (flipped, false) } else { (same, true) }
 }
 
-/// The larger of two distances; what is no number is infinitely far.
+/// Returns the larger of two distances; NaN counts as infinitely far.
 fn worse(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
-/// Which placed triangles of the input were met, and which more than once.
+/// The placed triangles of the input that were found, and those found more than once.
 struct Seen {
-    /// Bit of each instance's first triangle.
+    /// Bit index of each instance's first triangle.
     first: Vec<u64>,
     once: Vec<AtomicU64>,
     again: Vec<AtomicU64>,
@@ -217,7 +217,7 @@ impl Seen {
         Seen { first, once: bits(), again: bits(), total }
     }
 
-    /// Marks a triangle as met; tells whether it was before.
+    /// Marks a triangle as found; returns whether it already was.
     fn mark(&self, at: TriangleRef) -> bool {
         let bit = self.first[at.instance as usize] + u64::from(at.triangle);
         let (word, mask) = ((bit / 64) as usize, 1 << (bit % 64));
@@ -245,7 +245,7 @@ impl Seen {
     }
 }
 
-/// The index of a word's lowest set bit in a run of words.
+/// Returns the index of a word's lowest set bit within all words.
 fn lowest_bit(word: usize, bits: u64) -> Option<u64> {
     (bits != 0).then(|| word as u64 * 64 + u64::from(bits.trailing_zeros()))
 }

@@ -1,9 +1,9 @@
-//! What rays see of two files of which nobody can say which triangle is which: surfaces, by place, side and material.
+//! Compares two files without known triangle identities by the surfaces that rays hit: place, side and material.
 //!
-//! The truth about the input is what double precision finds: of each ray the closest triangle and, where the output
-//! shows something else there, whether any triangle the ray passes through is as the output says. The output is right where its
-//! hit lies on a triangle of the input whose material has the same name (or looks the same, see [`Materials`]), with
-//! the same side seen, and nothing of the input lies before it.
+//! The truth about the input is found in double precision: the closest triangle of each ray and, if the output shows
+//! something else there, whether any triangle that the ray intersects matches the output. The output is right if its
+//! hit lies on a triangle of the input whose material has the same name (or the same look, see [`Materials`]), with the
+//! same side seen, and nothing of the input lies in front of it.
 
 use rayon::prelude::*;
 
@@ -25,30 +25,30 @@ pub(super) struct Surfaces<'a> {
     radius: f64,
 }
 
-/// A hit as one side claims it; lengths are world units.
+/// A hit reported by one side's tracer; lengths are in world units.
 #[derive(Clone, Copy)]
 struct Claim {
     distance: f64,
     front: bool,
-    /// A kind of [`Materials`].
+    /// The kind of material, see [`Materials`].
     material: u32,
     /// How far off line and corners may be.
     slack: f64,
-    /// Whether the ray passes an edge of the triangle hit, as its own file has it, within the slack, or begins or ends
-    /// there, so that rounding decides whether it is hit.
+    /// Whether the ray passes an edge of the hit triangle, in its own file, within the slack, or begins or ends there,
+    /// so that rounding decides whether it is hit.
     doubtful: bool,
 }
 
-/// A triangle of the input on the way of a ray.
+/// A triangle of the input on the path of a ray.
 struct Truth {
     approach: Approach,
     slack: f64,
     distance: f64,
-    /// A kind of [`Materials`].
+    /// The kind of material, see [`Materials`].
     material: u32,
 }
 
-/// A claim that is not plainly right.
+/// A claim that is not obviously right.
 struct Doubt {
     ray: usize,
     side: Side,
@@ -56,7 +56,7 @@ struct Doubt {
 }
 
 impl<'a> Surfaces<'a> {
-    /// Prepares a comparison. Any corner of `after` may be off by the largest position error allowed.
+    /// Prepares a comparison. Any corner of `after` may be off by the largest allowed position error.
     pub(super) fn new(
         scenes: Sides<&'a Scene>,
         reference: &'a Reference<'a>,
@@ -69,12 +69,12 @@ impl<'a> Surfaces<'a> {
         Surfaces { sides, materials: Materials::of(scenes), reference, radius }
     }
 
-    /// What to know about how materials are matched.
+    /// Returns a note on how materials are matched.
     pub(super) fn note(&self) -> Option<Note> {
         (!self.materials.are_named()).then_some(Note::ByLook)
     }
 
-    /// Compares what the tracers say about rays.
+    /// Compares the results of both tracers.
     pub(super) fn compare(&self, kind: RayKind, rays: &[Ray], hits: Sides<&[Option<Hit>]>) -> Tally {
         let mut tally =
             Tally { rays: rays.len() as u64, hits: hits.before.iter().flatten().count() as u64, ..Tally::default() };
@@ -92,7 +92,7 @@ impl<'a> Surfaces<'a> {
         tally
     }
 
-    /// Enters errors and far hits, and puts aside what is not plainly right.
+    /// Records errors and far hits, and collects claims that are not obviously right.
     fn first_look(
         &self,
         ray: usize,
@@ -163,8 +163,8 @@ impl<'a> Surfaces<'a> {
         format!("{kind:?} ray {ray}: the output shows {why}{shown}, the input {truly}")
     }
 
-    /// For each doubt whether the input has a surface where it is claimed, with the material and side claimed. Other
-    /// surfaces may lie as close, so that all are asked that the ray passes through.
+    /// Returns, for each doubt, whether the input has a surface at the claimed place, with the claimed material and
+    /// side. As other surfaces may be equally close, all triangles that the ray intersects are considered.
     fn are_there(&self, rays: &[Ray], doubts: &[Doubt]) -> Vec<bool> {
         let from: Vec<Ray> = doubts.iter().map(|doubt| rays[doubt.ray]).collect();
         self.reference
@@ -198,7 +198,7 @@ impl<'a> Surfaces<'a> {
 }
 
 impl Truth {
-    /// Whether a claim is about this triangle, or one that looks the same in the same place.
+    /// Whether a claim refers to this triangle, or to one that looks the same in the same place.
     fn shows(&self, claim: &Claim) -> bool {
         let slack = self.slack + claim.slack;
         self.material == claim.material && self.is_at(claim) && {
@@ -206,19 +206,19 @@ impl Truth {
         }
     }
 
-    /// Whether rounding, or triangles off by `slack` more, decide that the ray meets this triangle.
+    /// Whether rounding, or triangles off by `slack` more, decide that the ray hits this triangle.
     fn is_doubtful(&self, ray: &Ray, slack: f64) -> bool {
         let slack = self.slack + slack;
         self.approach.grazes(slack) || at_an_end(ray, &self.approach, slack)
     }
 
-    /// Whether a claim is in the place of this triangle.
+    /// Whether a claim is at the place of this triangle.
     fn is_at(&self, claim: &Claim) -> bool {
         self.approach.explains(claim.distance, self.slack + claim.slack)
     }
 }
 
-/// Judges a claim; `is_there` tells whether the input has such a surface in that place.
+/// Judges a claim; `is_there` tells whether the input has such a surface at that place.
 fn judge_hit(ray: &Ray, claim: &Claim, truth: Option<&Truth>, is_there: bool) -> Judgement {
     use Judgement::{Silhouette, Tie, Wrong};
     if !is_there && !claim.doubtful {
@@ -237,7 +237,7 @@ fn judge_hit(ray: &Ray, claim: &Claim, truth: Option<&Truth>, is_there: bool) ->
     }
 }
 
-/// Judges the claim that nothing is hit in a file whose triangles may be off by `position_error`.
+/// Judges a claimed miss in a file whose triangles may be off by `position_error`.
 fn judge_miss(ray: &Ray, truth: Option<&Truth>, position_error: f64) -> Judgement {
     match truth {
         None => Judgement::Right,
@@ -246,7 +246,7 @@ fn judge_miss(ray: &Ray, truth: Option<&Truth>, position_error: f64) -> Judgemen
     }
 }
 
-/// Whether both tracers say the same, distances apart by no more than `far`.
+/// Whether both tracers agree, with distances apart by no more than `far`.
 fn agree(claims: &Sides<Option<Claim>>, far: f64) -> bool {
     match (&claims.before, &claims.after) {
         (None, None) => true,
@@ -275,7 +275,7 @@ mod tests {
         verify(before, after, &options)
     }
 
-    /// A room whose materials have names.
+    /// Returns a room whose materials have names.
     fn named_room() -> Scene {
         let mut scene = room();
         for (material, name) in scene.materials.iter_mut().zip(["wall", "red", "blue", "none"]) {

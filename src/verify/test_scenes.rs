@@ -10,13 +10,13 @@ use crate::scene::{Geometry, Instance, Mesh, MeshId, Scene};
 /// Material, positions and triangles of a geometry.
 pub(super) type Parts = (Option<u32>, Vec<Vec3>, Vec<[u32; 3]>);
 
-/// So many random cases, or as many as the variable `PROPTEST_CASES` says.
+/// Returns a configuration with this many random cases, or as many as `PROPTEST_CASES` sets.
 pub(super) fn cases(usual: u32) -> Config {
     let asked = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok());
     Config::with_cases(asked.unwrap_or(usual))
 }
 
-/// A mesh of geometries.
+/// Returns a mesh of the given geometries.
 pub(super) fn mesh(source: u32, geometries: Vec<Parts>) -> Mesh {
     let mut mesh = Mesh { name: format!("mesh {source}"), source, ..Mesh::default() };
     for (primitive, (material, positions, triangles)) in (0..).zip(geometries) {
@@ -48,13 +48,13 @@ pub(super) fn instance(node: u32, mesh: u32, transform: DAffine3) -> Instance {
     }
 }
 
-/// A scene of meshes and placements, the nodes numbered in order.
+/// Returns a scene of meshes and placements, with nodes numbered in order.
 pub(crate) fn scene(meshes: Vec<Mesh>, placements: &[(u32, DAffine3)]) -> Scene {
     let instances = (0..).zip(placements).map(|(node, &(mesh, transform))| instance(node, mesh, transform)).collect();
     Scene { meshes, instances, materials: vec![Default::default(); 4], nodes: placements.len(), ..Scene::default() }
 }
 
-/// A cube from -1 to 1, its faces outward, each of two triangles.
+/// Returns a cube from -1 to 1 that faces outward, with two triangles per face.
 pub(crate) fn cube(source: u32, material: Option<u32>) -> Mesh {
     let corner = |i: u32| Vec3::from_array([1, 2, 4].map(|bit| if i & bit != 0 { 1.0 } else { -1.0 }));
     let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
@@ -62,7 +62,7 @@ pub(crate) fn cube(source: u32, material: Option<u32>) -> Mesh {
     mesh(source, vec![(material, (0..8).map(corner).collect(), triangles)])
 }
 
-/// A room (a cube seen from inside) with five cubes of two materials in it.
+/// Returns a room (a cube seen from inside) that contains five cubes of two materials.
 pub(crate) fn room() -> Scene {
     let mut walls = cube(0, Some(0));
     for t in &mut walls.geometries[0].triangles {
@@ -88,18 +88,18 @@ pub(crate) fn room() -> Scene {
     scene(vec![walls, two], &placements)
 }
 
-/// How a random scene is.
+/// Properties of a random scene.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Style {
-    /// Factor on everything.
+    /// Scale factor of the whole scene.
     pub(super) size: f64,
-    /// Distance from the origin, in sizes.
+    /// Distance from the origin, in multiples of the size.
     pub(super) offset: f64,
-    /// Corners on whole numbers, so that rays meet edges and sides of boxes exactly.
+    /// Whether corners lie on integers, so that rays hit edges and sides of boxes exactly.
     pub(super) on_grid: bool,
-    /// Triangles a thousandth as wide as they are long.
+    /// Whether triangles are a thousandth as wide as they are long.
     pub(super) thin: bool,
-    /// Instances mirrored, sheared and scaled by 1e-3 to 1e3.
+    /// Whether instances are mirrored, sheared and scaled by 1e-3 to 1e3.
     pub(super) wild: bool,
 }
 
@@ -149,7 +149,7 @@ fn random_transform(random: &mut Random, style: Style) -> DAffine3 {
     DAffine3 { matrix3: linear, translation: place }
 }
 
-/// Random rays about a random scene, a part of them parallel to axes and through whole numbers.
+/// Returns random rays around a random scene, some of them parallel to axes and through integer coordinates.
 pub(super) fn random_rays(seed: u64, style: Style, count: usize) -> Vec<Ray> {
     (0..count)
         .map(|i| {

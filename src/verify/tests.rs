@@ -1,4 +1,4 @@
-//! Whole verifications: sound pairs pass, each planted fault is found by the exact comparison, and by rays alone.
+//! Complete verifications: correct pairs pass; each planted fault is found by the exact comparison, and by rays alone.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use proptest::prelude::*;
@@ -17,7 +17,7 @@ fn options() -> VerifyOptions {
     VerifyOptions { rays_per_kind: 2048, repeats: 3, ..VerifyOptions::default() }
 }
 
-/// One mesh with all triangles of a scene, one geometry a material, stored in a frame, as a bake writes them.
+/// Returns one mesh of all triangles of a scene, one geometry per material, stored in a frame, as a bake writes it.
 pub(super) fn baked(scene: &Scene, frame: DAffine3) -> Scene {
     let mut geometries: Vec<Geometry> = Vec::new();
     let to_frame = frame.inverse();
@@ -64,7 +64,7 @@ pub(super) fn tilted() -> DAffine3 {
     DAffine3::from_translation(DVec3::new(1.0, -2.0, 0.5)) * DAffine3::from_axis_angle(DVec3::ONE.normalize(), 0.7)
 }
 
-/// What rays see, with the exact comparison said to be clean.
+/// Returns the mismatches that rays find if the exact comparison is assumed to be clean.
 fn mismatches_seen(before: &Scene, after: &Scene) -> u64 {
     let (trees_before, trees_after) = (TwoLevel::build(before), TwoLevel::build(after));
     let reference = Reference::new(&trees_before);
@@ -195,7 +195,7 @@ fn a_repeated_triangle_is_caught() {
     let mut after = baked(&room(), DAffine3::IDENTITY);
     let geometry = &mut after.meshes[0].geometries[0];
     let Some(Provenance::Runs { runs, .. }) = &mut geometry.provenance else { unreachable!() };
-    // The first triangle stands in for the second, which is then also missing.
+    // The first triangle replaces the second, which is then also missing.
     runs.splice(0..1, [[0, 0, 1], [0, 0, 1], [0, 2, 10]]);
     let exact = exactly(&room(), &after);
     assert_eq!((exact.repeated.count, exact.missing.count, exact.moved.count), (1, 1, 1));
@@ -239,7 +239,7 @@ fn a_node_that_stands_for_another_is_believed_and_checked() {
 fn pieces_of_a_shared_mesh_belong_to_the_node_that_places_them() {
     let before = room();
     let mut after = room();
-    // The shared mesh becomes two pieces, each placed by a child of the node that placed it.
+    // The shared mesh becomes two pieces, each placed by a child of the node that placed the mesh.
     let cubes = after.meshes.remove(1);
     for (g, mut geometry) in (0..).zip(cubes.geometries) {
         geometry.provenance = Some(Provenance::Runs {
@@ -290,7 +290,7 @@ fn nonsense_provenance_is_unknown() {
 #[test]
 fn dropped_triangles_keep_the_numbers_of_the_file() {
     let mut before = room();
-    // Triangle 0 of the walls' primitive was dropped on reading, so that numbers in the file run from 1.
+    // Triangle 0 of the walls' primitive was dropped on reading, so numbers in the file start at 1.
     before.meshes[0].geometries[0].kept = Some((1..=12).collect());
     let mut after = baked(&before, DAffine3::IDENTITY);
     let Some(Provenance::Runs { runs, .. }) = &mut after.meshes[0].geometries[0].provenance else { unreachable!() };
@@ -311,7 +311,7 @@ fn coincident_triangles_are_ties() {
     let found = verify(&before, &after, &options());
     assert_sound(&found);
     assert!(found.ties > 100, "{} ties", found.ties);
-    // The same with the materials exchanged is no tie.
+    // With exchanged materials, this is not a tie.
     after.meshes.swap(0, 1);
     assert!(!verify(&before, &after, &options()).passed());
     assert!(mismatches_seen(&before, &after) > 0);

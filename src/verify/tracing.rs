@@ -1,4 +1,4 @@
-//! Rays through both files with any tracer: what they see, and how fast.
+//! Traces rays through both files with any tracer: what they hit, and how fast.
 
 use std::cmp::Ordering;
 
@@ -11,40 +11,40 @@ use super::speed::{self, KindSpeed};
 use super::{Note, OpaqueTextures, PerKind, Side, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
-/// Something that traces rays through one scene.
+/// A tracer of rays through one scene.
 pub trait Tracer {
-    /// Rays made ready to be traced; those that one tracer made ready serve all of its device.
+    /// Rays prepared for tracing; rays prepared by one tracer can be used by all tracers of its device.
     type Rays<'r>;
-    /// What can go wrong.
+    /// The error of a failed operation.
     type Error;
 
-    /// What does the tracing, for the report.
+    /// Returns the name of the device, for the report.
     fn device(&self) -> String;
 
-    /// How its speed is best measured.
+    /// Returns how its speed is best measured.
     fn pace(&self) -> Pace {
         Pace::default()
     }
 
-    /// Makes rays ready.
+    /// Prepares rays.
     ///
     /// # Errors
-    /// Out of memory, or another failure of the device; as all methods below.
+    /// Fails if memory runs out or the device fails, as do all methods below.
     fn prepare<'r>(&self, rays: &'r [Ray]) -> Result<Self::Rays<'r>, Self::Error>;
 
-    /// The first hit of each ray.
+    /// Returns the first hit of each ray.
     ///
     /// # Errors
     /// As above.
     fn closest(&self, rays: &Self::Rays<'_>) -> Result<Vec<Option<Hit>>, Self::Error>;
 
-    /// For each ray whether it hits anything.
+    /// Returns, for each ray, whether it hits anything.
     ///
     /// # Errors
     /// As above.
     fn occluded(&self, rays: &Self::Rays<'_>) -> Result<Vec<bool>, Self::Error>;
 
-    /// Seconds to trace rays of a kind: shadow rays until the first hit found, others to the closest.
+    /// Returns the seconds to trace rays of a kind: shadow rays to the first hit found, others to the closest hit.
     ///
     /// # Errors
     /// As above.
@@ -55,7 +55,7 @@ pub trait Tracer {
         None
     }
 
-    /// What was built for it and what its rays met so far; `None` where that tells nothing of a device.
+    /// Returns its structures and any-hit counts so far; `None` if they say nothing about a device.
     fn built(&self) -> Option<Built> {
         None
     }
@@ -64,23 +64,23 @@ pub trait Tracer {
 /// How a tracer's speed is best measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pace {
-    /// Rays of a kind it takes to keep it busy; `None` where those that are compared will do.
+    /// Number of rays per kind that keeps it busy; `None` if the number of compared rays suffices.
     pub rays: Option<u32>,
-    /// Rays of a kind at most that are timed where nobody asks for more: as many as a slow one can trace time and again.
+    /// Default limit on the timed rays per kind: as many as a slow tracer can trace repeatedly.
     pub most_rays: Option<u32>,
-    /// How often it may trace before its times settle.
+    /// Largest number of warm-up passes before times settle.
     pub most_warm_ups: u32,
 }
 
 impl Pace {
-    /// How many rays of a kind are timed.
+    /// Returns the number of timed rays per kind.
     pub(super) fn timed(&self, options: &VerifyOptions) -> u32 {
         let suitable = self.rays.unwrap_or(options.rays_per_kind).min(self.most_rays.unwrap_or(u32::MAX));
         options.timed_rays_per_kind.unwrap_or(suitable)
     }
 }
 
-/// What rays saw.
+/// Results of tracing rays.
 pub(super) struct Seen {
     pub(super) device: String,
     pub(super) view: String,
@@ -99,9 +99,9 @@ pub(super) struct Timed {
 
 /// The tracers of the input and of the output.
 pub enum Tracers<'t, T: Tracer> {
-    /// Both at once: timed in turns.
+    /// Both at once, timed in turns.
     Together(Sides<&'t T>),
-    /// Each made when its turn comes, and gone before the other is made, where there is no room for both.
+    /// Each created when needed and freed before the other is created, if there is no memory for both.
     OneByOne(Sides<Make<'t, T>>),
 }
 
@@ -114,12 +114,12 @@ impl<'t, T: Tracer> From<Sides<&'t T>> for Tracers<'t, T> {
     }
 }
 
-/// Compares what two tracers make of rays of a kind.
+/// Compares the hits of two tracers for rays of a kind.
 pub(super) trait Compare: Fn(RayKind, &[Ray], Sides<&[Option<Hit>]>) -> Tally {}
 
 impl<F: Fn(RayKind, &[Ray], Sides<&[Option<Hit>]>) -> Tally> Compare for F {}
 
-/// Traces rays through both scenes, compares what they see, and times them.
+/// Traces rays through both scenes, compares the hits, and times them.
 pub(super) fn trace<T: Tracer>(
     before: &Scene,
     rays: &Rays,
@@ -149,7 +149,7 @@ fn together<T: Tracer>(
     Ok(seen(rays, views, Timed { kinds, seconds }, compare))
 }
 
-/// As [`together`] with one tracer at a time.
+/// Like [`together`], with one tracer at a time.
 fn one_by_one<T: Tracer>(
     before: &Scene,
     rays: &Rays,
@@ -176,12 +176,12 @@ fn one_by_one<T: Tracer>(
     Ok(seen(rays, Sides { before: view_before, after: view_after }, Timed { kinds, seconds }, compare))
 }
 
-/// What one tracer makes of the rays that are compared.
+/// One tracer's results for the compared rays.
 struct View {
     device: String,
     /// The first hits.
     closest: PerKind<Vec<Option<Hit>>>,
-    /// Rays of which the tracer says that they hit something, or nothing, depending on how it is asked.
+    /// Number of rays that the tracer reports as hitting something in one query and nothing in the other.
     contradictions: u64,
     built: Option<Built>,
     opaque_textures: Option<OpaqueTextures>,
@@ -222,7 +222,7 @@ fn seen(rays: &Rays, views: Sides<View>, timed: Timed, compare: impl Compare) ->
     Seen { device: before.device, view: rays.view.clone(), tally, timed, structures, notes }
 }
 
-/// Times rays of one kind, made ready for as long as that takes.
+/// Times rays of one kind, which are prepared only for this purpose.
 fn times<T: Tracer, const N: usize>(
     kind: RayKind,
     rays: &[Ray],
@@ -235,7 +235,7 @@ fn times<T: Tracer, const N: usize>(
     }
 }
 
-/// The rays to be timed, where they are not those that are compared.
+/// Returns the rays to be timed, if they differ from the compared rays.
 fn timed_rays<T: Tracer>(
     before: &Scene,
     rays: &Rays,
@@ -252,13 +252,13 @@ fn timed_rays<T: Tracer>(
     }
 }
 
-/// About `count` rays of each kind, evenly taken.
+/// Returns about `count` rays of each kind, at regular intervals.
 fn thinned(rays: &Rays, count: usize) -> Rays {
     let thin = |rays: &Vec<Ray>| rays.iter().step_by(rays.len().div_ceil(count.max(1)).max(1)).copied().collect();
     Rays { kinds: rays.kinds.each_ref().map(thin), view: rays.view.clone(), radius: rays.radius }
 }
 
-/// What a tracer takes for the truth.
+/// Returns the closest hits reported by a tracer, in the form of true hits.
 pub(super) fn seen_by<T: Tracer>(tracer: &T, rays: &[Ray]) -> Result<Vec<Option<TrueHit>>, T::Error> {
     let hits = tracer.closest(&tracer.prepare(rays)?)?;
     let believed = |hit: Hit| TrueHit {

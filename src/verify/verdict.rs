@@ -3,7 +3,7 @@
 //! A file fails if
 //! - the exact comparison finds a triangle missing, repeated, unknown, of another material, flipped or moved by more
 //!   than the position error allowed, or
-//! - a ray sees something else in it than in the input, and neither rounding nor a tie explains that.
+//! - a ray hits something else in it than in the input, and neither rounding nor a tie explains that.
 //!
 //! Rounding explains a difference if the ray passes the edge of the triangle at issue within the slack, the sum of
 //! - [`ROUNDINGS`](super::compare::ROUNDINGS) times half the spacing of 32-bit floats at 1 times the largest numbers
@@ -23,66 +23,66 @@ use super::tracing::Seen;
 use super::weights::Weights;
 use super::{Failure, FaultKind, Note, PerKind, Sides, VerifyOptions};
 
-/// What verifying a file found.
+/// Results of verifying a file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verification {
-    /// What traced the rays.
+    /// The device that traced the rays.
     pub device: String,
-    /// Where the primary rays came from.
+    /// Description of where the primary rays came from.
     pub view: String,
-    /// Rays of all kinds.
+    /// Number of rays of all kinds.
     pub rays: u64,
-    /// Those that hit something in the input.
+    /// Number of rays that hit something in the input.
     pub hits: u64,
-    /// Rays that see something else than in the input, beyond what rounding explains. Best 0.
+    /// Number of rays that hit something else than in the input, beyond what rounding explains. Best 0.
     pub mismatches: u64,
-    /// Rays that pass an edge so closely that rounding decided what they hit, and decided otherwise than before.
+    /// Number of rays that pass so close to an edge that rounding decided what they hit, and decided it differently.
     pub silhouettes: u64,
-    /// Rays that hit another of several triangles in the same place than before.
+    /// Number of rays that hit a different one of several triangles in the same place.
     pub ties: u64,
-    /// Rays whose hit lies elsewhere than before by more than 1e-4 of half the scene's diagonal, or is none.
+    /// Number of rays whose hit is missing, or moved by more than 1e-4 of half the scene's diagonal.
     pub far_hits: u64,
-    /// Rays on which the tracer itself was wrong: it missed the truth in the input, or in both files alike.
+    /// Number of rays for which the tracer itself was wrong: it missed the truth in the input, or in both files alike.
     pub tracer_faults: u64,
     /// Largest distance error of the output's hits against the truth, over the distance (or over a thousandth of half
-    /// the scene's diagonal where that is more).
+    /// the scene's diagonal if that is more).
     pub max_relative_distance_error: f64,
-    /// Root of the mean square of the same.
+    /// Root mean square of these errors.
     pub rms_relative_distance_error: f64,
-    /// As `max_relative_distance_error`, of the input's hits.
+    /// Like `max_relative_distance_error`, for the input's hits.
     pub before_max_relative_distance_error: f64,
-    /// As `rms_relative_distance_error`, of the input's hits.
+    /// Like `rms_relative_distance_error`, for the input's hits.
     pub before_rms_relative_distance_error: f64,
     /// How the distance errors of both are distributed.
     pub distance_error_histogram: Histogram,
-    /// Largest distance of a corner from its place over the diagonal of the input's box; no number (`null` in JSON)
-    /// where only surfaces were compared.
+    /// Largest distance of a corner from its place over the diagonal of the input's box; NaN (`null` in JSON) if only
+    /// surfaces were compared.
     pub position_error_ratio: f64,
-    /// Rays a second.
+    /// Speed by ray kind.
     pub kinds: PerKind<KindSpeed>,
     /// The seconds that the timed rays took, for each repeat.
     pub seconds: PerKind<Sides<Vec<f64>>>,
     /// What the device built; `None` on the CPU.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub structures: Option<Structures>,
-    /// The exact comparison; `None` where only surfaces were compared.
+    /// The exact comparison; `None` if only surfaces were compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub structure: Option<Structure>,
     /// Why the file fails; empty if it passes.
     pub failures: Vec<Failure>,
-    /// What was done otherwise than asked, such as tracing on the CPU; for the report's own notes.
+    /// Deviations from what was requested, such as tracing on the CPU; for the report's own notes.
     #[serde(skip)]
     pub notes: Vec<Note>,
 }
 
 impl Verification {
-    /// Whether the output shows what the input shows.
+    /// Whether the output shows the same as the input.
     pub fn passed(&self) -> bool {
         self.failures.is_empty()
     }
 }
 
-/// Applies the rules; without a `structure` only what rays saw counts.
+/// Applies the rules; without a `structure`, only the traced rays count.
 pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOptions) -> Verification {
     let tally = seen.tally;
     let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
@@ -132,7 +132,7 @@ fn ray_failure(tally: &Tally) -> Option<Failure> {
     (mismatches > 0).then(|| Failure::Rays { mismatches, rays, examples: tally.examples.clone() })
 }
 
-/// What came of a bake.
+/// The result of a bake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Verdict {
     /// The output traces faster than the input by more than the spread.
@@ -149,7 +149,7 @@ pub enum Verdict {
     Failed,
 }
 
-/// Faster means: over the kinds of rays as they are weighted, by more than the speedup may be off.
+/// Decides the result; faster means: weighted over ray kinds, by more than the uncertainty of the speedup.
 pub(crate) fn verdict(verification: &Verification, weights: &Weights, unchanged: bool) -> Verdict {
     if !verification.passed() {
         return Verdict::Failed;

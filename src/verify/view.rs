@@ -1,22 +1,22 @@
-//! Where rays start: the camera and the light.
+//! Origins of rays: the camera and the light.
 
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::scene::{Bounds, Camera, PlacedCamera};
 
-/// Width over height of a view whose camera does not say.
+/// Aspect ratio (width over height) of a view whose camera does not define it.
 const ASPECT_RATIO: f64 = 16.0 / 9.0;
 /// Vertical field of view of the automatic camera inside a scene, in radians.
 const FIELD_INSIDE: f64 = 60.0 * std::f64::consts::PI / 180.0;
-/// The same outside.
+/// Vertical field of view of the automatic camera outside a scene, in radians.
 const FIELD_OUTSIDE: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
-/// The size of a scene, and whether it surrounds its middle.
+/// The size of a scene, and whether it surrounds its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stage {
     /// The scene's box.
     pub bounds: Bounds,
-    /// Its middle.
+    /// The centre of the box.
     pub center: DVec3,
     /// Half the box's diagonal; never zero.
     pub radius: f64,
@@ -25,7 +25,7 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// The stage of a scene's box, which must not be empty. A scene in one point gets a radius of a thousandth of
+    /// Creates the stage for a scene's box, which must not be empty. A single point gets a radius of a thousandth of
     /// its distance from the origin.
     pub fn new(bounds: Bounds) -> Stage {
         let center = bounds.center();
@@ -34,8 +34,8 @@ impl Stage {
         Stage { bounds, center, radius, enclosed: false }
     }
 
-    /// A point of the area light, for two numbers in [0, 1]: a horizontal square with half the extent of the box's
-    /// shorter horizontal side, in an interior at nine tenths of its height, else half a radius above the box.
+    /// Returns a point of the area light for two numbers in [0, 1]: a horizontal square with half the extent of the
+    /// box's shorter horizontal side, in an interior at nine tenths of its height, else half a radius above the box.
     pub fn light(&self, [x, z]: [f64; 2]) -> DVec3 {
         let size = self.bounds.size();
         let side = 0.5 * [size.x.min(size.z), self.radius].into_iter().find(|&s| s > 0.0).unwrap_or(1.0);
@@ -44,10 +44,10 @@ impl Stage {
     }
 }
 
-/// A camera ready to send out rays.
+/// A camera that can generate rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// What the camera is, in words.
+    /// Description of the camera.
     pub name: String,
     transform: DAffine3,
     projection: Projection,
@@ -55,14 +55,14 @@ pub struct View {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Projection {
-    /// Half the extents of the picture at distance one.
+    /// Half the extents of the image at distance one.
     Perspective { half: [f64; 2] },
-    /// Half the extents of the picture.
+    /// Half the extents of the image.
     Parallel { half: [f64; 2] },
 }
 
 impl View {
-    /// The view of a camera of the file, unless it shows nothing.
+    /// Returns the view of a camera of the file, unless it shows nothing.
     pub fn of(camera: &PlacedCamera) -> Option<View> {
         let projection = match camera.camera {
             Camera::Perspective { yfov, aspect_ratio } => {
@@ -77,8 +77,8 @@ impl View {
         shows.then_some(View { name, transform: camera.transform, projection })
     }
 
-    /// A view for scenes without a camera. In an interior from the middle along the longer horizontal side; else
-    /// from outside, in front, above and to the right, just so far that all corners of the scene's box are seen.
+    /// Returns a view for scenes without a camera. In an interior, it looks from the centre along the longer horizontal
+    /// side; otherwise from outside, in front, above and to the right, just far enough to see the whole box.
     pub fn automatic(stage: &Stage) -> View {
         let size = stage.bounds.size();
         let (back, field) = if stage.enclosed {
@@ -98,13 +98,13 @@ impl View {
         }
     }
 
-    /// Width over height of the picture.
+    /// Returns the aspect ratio (width over height) of the image.
     pub fn aspect_ratio(&self) -> f64 {
         let (Projection::Perspective { half: [x, y] } | Projection::Parallel { half: [x, y] }) = self.projection;
         x / y
     }
 
-    /// Origin and direction of the ray through a place of the picture, from -1 to 1 rightward and upward.
+    /// Returns origin and direction of the ray through a point of the image, from -1 to 1 rightward and upward.
     pub fn ray(&self, [x, y]: [f64; 2]) -> (DVec3, DVec3) {
         let ahead = DVec3::NEG_Z;
         let (origin, direction) = match self.projection {
@@ -115,7 +115,7 @@ impl View {
     }
 }
 
-/// How far from the middle of a box, given half its size, a camera with some axes sees all corners.
+/// Distance from the centre of a box, given half its size, at which a camera with these axes sees all corners.
 fn distance_to_see(half_size: DVec3, axes: &DMat3, half: [f64; 2]) -> f64 {
     let signs = |i: u32| DVec3::from_array([1, 2, 4].map(|bit| if i & bit != 0 { 1.0 } else { -1.0 }));
     let corners = (0..8).map(|i| axes.transpose() * (half_size * signs(i)));

@@ -1,4 +1,4 @@
-//! What the kinds of rays count for.
+//! Weights of the ray kinds.
 
 use std::ops::RangeInclusive;
 
@@ -6,38 +6,38 @@ use super::PerKind;
 use super::rays::RayKind;
 use super::speed::KindSpeed;
 
-/// How many rays of each kind a picture takes, in relation to each other; each at least 0 and finite.
+/// Relative number of rays of each kind in a picture; each at least 0 and finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights(pub PerKind<f64>);
 
 impl Default for Weights {
-    /// The kinds that light a picture, all but random lines, each counted alike.
+    /// Equal weights for the kinds that light a picture: all but random lines.
     fn default() -> Self {
         Weights(PerKind::of(|kind| if kind == RayKind::Random { 0.0 } else { 1.0 }))
     }
 }
 
-/// Speed over several kinds of rays.
+/// Speed over several ray kinds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overall {
-    /// Million rays a second through the input; 0 without rays.
+    /// Million rays per second through the input; 0 without rays.
     pub before_mrays_per_s: f64,
-    /// The same through the output.
+    /// Million rays per second through the output.
     pub after_mrays_per_s: f64,
     /// The time of the input over that of the output; 1 without rays.
     pub speedup_ratio: f64,
-    /// How far off it may be, as [`KindSpeed::spread_ratio`].
+    /// Uncertainty of the speedup, see [`KindSpeed::spread_ratio`].
     pub spread_ratio: f64,
 }
 
 impl Overall {
-    /// Whether the output is faster, by more than what may be off.
+    /// Whether the output is faster by more than the uncertainty.
     pub fn is_faster(&self) -> bool {
         self.speedup_ratio > 1.0 + self.spread_ratio
     }
 }
 
-/// Weights of which the largest is in this range are taken as they are: sums and products of others overflow or vanish.
+/// Range of the largest weight for which no scaling is needed: sums and products of others overflow or underflow.
 const ORDINARY: RangeInclusive<f64> = 1e-100..=1e100;
 
 impl Weights {
@@ -58,8 +58,8 @@ impl Weights {
         if total > 0.0 { sum / total } else { 0.0 }
     }
 
-    /// The speed over all kinds: times add up, as they do over a picture. Kinds are timed one after the other, so
-    /// that their errors are independent: their squares add up, each weighted by its share of the time.
+    /// Returns the speed over all kinds: times add up, as they do over a picture. Kinds are timed one after the other,
+    /// so their errors are independent: the squares add up, each weighted by its share of the time.
     pub fn overall(&self, kinds: &PerKind<KindSpeed>) -> Overall {
         let before = self.mean(&kinds.each_ref().map(|k| 1.0 / k.before_mrays_per_s));
         let time = |k: &KindSpeed| 1.0 / (k.before_mrays_per_s * k.speedup_ratio);
@@ -79,7 +79,7 @@ impl Weights {
         }
     }
 
-    /// The kinds that count, with their weights.
+    /// Returns the kinds with nonzero weight, with their weights.
     fn counted(&self) -> impl Iterator<Item = (RayKind, f64)> {
         let scaled = self.scaled();
         RayKind::ALL.into_iter().map(move |kind| (kind, scaled[kind])).filter(|(_, weight)| *weight > 0.0)
@@ -89,7 +89,7 @@ impl Weights {
         self.scaled().values().sum()
     }
 
-    /// The weights over the largest where that is far from 1, else bit for bit as they are.
+    /// Returns the weights over the largest if that is far from 1, otherwise bit for bit as they are.
     fn scaled(&self) -> PerKind<f64> {
         let most = self.largest();
         if most == 0.0 || ORDINARY.contains(&most) { self.0 } else { self.0.map(|weight| weight / most) }
@@ -99,7 +99,7 @@ impl Weights {
 impl std::str::FromStr for Weights {
     type Err = String;
 
-    /// Reads `primary=1,shadow=1,diffuse=1,random=0`; kinds left out count nothing.
+    /// Parses `primary=1,shadow=1,diffuse=1,random=0`; omitted kinds weigh 0.
     fn from_str(text: &str) -> Result<Weights, String> {
         let mut weights = Weights(PerKind::default());
         let mut given = PerKind::<bool>::default();

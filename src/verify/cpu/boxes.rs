@@ -1,8 +1,8 @@
-//! Trees of boxes and the way of a ray through them.
+//! Trees of boxes, and their traversal by a ray.
 //!
-//! The slab test keeps its promise (no box is missed that the ray enters) by moving the ray's origin apart for near
-//! and far planes, as in S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013; how
-//! it treats rays in the plane of a side follows T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013.
+//! The slab test is conservative (it misses no box that the ray enters) because it moves the ray's origin apart for
+//! near and far planes, as in S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013;
+//! rays in the plane of a side are treated as in T. Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013.
 
 use std::ops::{Add, ControlFlow, Div, Mul, Neg, Range, Sub};
 
@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::scene::Bounds;
 use crate::tree::{Node, Tree};
 
-/// The numbers a ray is traced in: `f32` as a device does, `f64` for the truth.
+/// The number type that a ray is traced in: `f32` as on a device, `f64` for the truth.
 pub(super) trait Real:
     Copy
     + PartialOrd
@@ -22,9 +22,9 @@ pub(super) trait Real:
     + Div<Output = Self>
     + From<f32>
 {
-    /// `ab - cd`, computed so that the sign is right where the plain expression is exactly zero.
+    /// Returns `ab - cd`, with the right sign even if the plain expression is exactly zero.
     fn difference_of_products(a: Self, b: Self, c: Self, d: Self) -> Self;
-    /// Whether the sign bit is set, also that of a zero.
+    /// Whether the sign bit is set, including that of a zero.
     fn is_negative(self) -> bool;
 }
 
@@ -49,7 +49,7 @@ impl Real for f64 {
     }
 }
 
-/// The larger of two numbers; the first where the second is NaN.
+/// Returns the larger of two numbers; the first if the second is NaN.
 pub(super) fn larger<T: PartialOrd>(a: T, b: T) -> T {
     if b > a { b } else { a }
 }
@@ -59,10 +59,10 @@ pub(super) fn larger<T: PartialOrd>(a: T, b: T) -> T {
 #[repr(C)]
 pub(super) struct BoxNode {
     pub(super) min: [f32; 3],
-    /// Inner node: first of two neighbouring children. Leaf: first item, in tree order.
+    /// Inner node: first of two adjacent children. Leaf: first item, in tree order.
     pub(super) first: u32,
     pub(super) max: [f32; 3],
-    /// Items of a leaf; 0 for an inner node.
+    /// Number of items of a leaf; 0 for an inner node.
     pub(super) count: u32,
 }
 
@@ -77,7 +77,7 @@ impl BoxNode {
     }
 }
 
-/// The nodes of a tree, given their boxes, which are rounded outward.
+/// Returns the nodes of a tree with their boxes, which are rounded outward.
 pub(super) fn boxed(tree: &Tree, bounds: &[Bounds]) -> Vec<BoxNode> {
     let boxed = |(node, bounds): (&Node, &Bounds)| BoxNode {
         min: bounds.min.to_array().map(round_down),
@@ -88,24 +88,24 @@ pub(super) fn boxed(tree: &Tree, bounds: &[Bounds]) -> Vec<BoxNode> {
     tree.nodes.iter().zip(bounds).map(boxed).collect()
 }
 
-/// The largest `f32` not above a number.
+/// Returns the largest `f32` not above a number.
 fn round_down(x: f64) -> f32 {
     let nearest = x as f32;
     if f64::from(nearest) > x { nearest.next_down() } else { nearest }
 }
 
-/// A ray as the slab test needs it.
+/// A ray prepared for the slab test.
 pub(super) struct BoxRay<T> {
-    /// Origin moved so that the planes met first come nearer.
+    /// Origin, moved so that the near planes come nearer.
     near_origin: [T; 3],
-    /// Origin moved so that the planes met last go farther.
+    /// Origin, moved so that the far planes move away.
     far_origin: [T; 3],
     inverse: [T; 3],
     negative: [bool; 3],
 }
 
 impl<T: Real> BoxRay<T> {
-    /// A ray for which all boxes count as larger by `pad` on each side.
+    /// Prepares a ray for which all boxes count as larger by `pad` on each side.
     pub(super) fn new(origin: [T; 3], direction: [T; 3], pad: T) -> Self {
         let negative = direction.map(T::is_negative);
         let moved = |by: T| std::array::from_fn(|i| origin[i] + if negative[i] { -by } else { by });
@@ -117,8 +117,8 @@ impl<T: Real> BoxRay<T> {
         }
     }
 
-    /// Where the ray enters the box, not before `t_min`; `None` where it misses the box or leaves it before `t_min`
-    /// or enters it after `t_max`. NaN, from a ray in the plane of a side, bounds nothing.
+    /// Returns the distance at which the ray enters the box, at least `t_min`; `None` if it misses the box, leaves it
+    /// before `t_min`, or enters it after `t_max`. NaN, from a ray in the plane of a side, sets no bound.
     fn enter(&self, node: &BoxNode, t_min: T, t_max: T) -> Option<T> {
         let (mut enter, mut leave) = (t_min, t_max);
         for i in 0..3 {
@@ -131,12 +131,12 @@ impl<T: Real> BoxRay<T> {
     }
 }
 
-/// Nodes to be visited later, and where the ray enters them.
+/// Nodes to be visited later, and the distances at which the ray enters them.
 pub(super) type Stack<T> = Vec<(u32, T)>;
 
 /// Visits the leaves a ray enters between `t_min` and `t_max`, near ones first. `visit` takes the items of a leaf and
-/// returns the new `t_max`, or breaks off. The stack is a depth's worth of memory that is used again and again. Adds the
-/// number of inner nodes passed to `passed`.
+/// returns the new `t_max`, or stops the traversal. The stack is reused between rays. Adds the number of inner nodes
+/// passed to `passed`.
 pub(super) fn traverse<T: Real>(
     nodes: &[BoxNode],
     ray: &BoxRay<T>,

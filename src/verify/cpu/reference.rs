@@ -1,4 +1,4 @@
-//! The truth: rays against the exact triangles, in double precision.
+//! The true hits: rays against the exact triangles, in double precision.
 
 use glam::{DMat3, Vec3};
 use rayon::prelude::*;
@@ -11,57 +11,57 @@ use crate::scene::TriangleRef;
 use crate::verify::rays::Ray;
 use crate::verify::rounding::absolute;
 
-/// What a ray really hits first.
+/// The true first hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueHit {
-    /// Distance in lengths of the ray's direction.
+    /// Distance, in units of the direction's length.
     pub t: f64,
-    /// The triangle; of several at exactly the same distance the one of lowest instance and number.
+    /// The triangle; if several are at exactly the same distance, the one with the lowest instance and number.
     pub at: TriangleRef,
-    /// Whether its front is seen, by glTF's rule.
+    /// Whether the front is hit, by glTF's rule.
     pub front: bool,
 }
 
-/// Rounding errors allowed for when boxes are tested, in double precision's epsilon times the largest coordinate.
+/// Padding of boxes for rounding errors, in multiples of the largest coordinate.
 const PAD: f64 = 64.0 * f64::EPSILON;
 
-/// Finds hits as if without rounding: triangles are tested in world coordinates in double precision, as
-/// [`crate::scene::Scene::world_corners`] gives them; only boxes are tested in the coordinates of a mesh.
+/// Finds hits as if without rounding: triangles are tested in world coordinates in double precision, as returned by
+/// [`crate::scene::Scene::world_corners`]; only boxes are tested in mesh coordinates.
 pub struct Reference<'a> {
     accel: &'a TwoLevel,
     ways: Vec<Way>,
 }
 
-/// What decides how exactly a ray can be taken into a mesh.
+/// Determines how exactly a ray can be transformed into a mesh.
 struct Way {
-    /// |A^-1|, entry by entry.
+    /// |A^-1|, element by element.
     to_mesh: DMat3,
     /// Condition of the transform: the largest row sum of |A| |A^-1|.
     condition: f64,
 }
 
 impl<'a> Reference<'a> {
-    /// A reference through built trees.
+    /// Creates a reference that uses built trees.
     pub fn new(accel: &'a TwoLevel) -> Self {
         Reference { accel, ways: accel.entries.iter().map(Way::new).collect() }
     }
 
-    /// The first hits of many rays.
+    /// Returns the first hits of many rays.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<TrueHit>> {
         rays.par_iter()
             .map_init(|| Stacks::new(self.accel), |stacks, ray| self.search(ray, false, stacks, |_| true))
             .collect()
     }
 
-    /// For each ray whether one of the triangles it passes through, however many lie before it, is one that `is_meant`;
-    /// that is asked with the index of the ray.
+    /// Returns, for each ray, whether `is_meant` holds for any triangle that it intersects, however many lie in front;
+    /// `is_meant` gets the index of the ray.
     pub fn meet(&self, rays: &[Ray], is_meant: impl Fn(usize, &TrueHit) -> bool + Sync) -> Vec<bool> {
         let meets =
             |stacks: &mut Stacks<f64>, (i, ray)| self.search(ray, true, stacks, |hit| is_meant(i, hit)).is_some();
         rays.par_iter().enumerate().map_init(|| Stacks::new(self.accel), meets).collect()
     }
 
-    /// The first hit that counts, or any.
+    /// Returns the first hit that counts, or any.
     fn search(
         &self,
         ray: &Ray,
@@ -79,7 +79,7 @@ impl<'a> Reference<'a> {
             let o = entry.to_mesh.transform_point3(origin);
             let d = entry.to_mesh.transform_vector3(direction);
             let largest = self.ways[at].to_mesh * (origin.abs() + entry.to_world.translation.abs());
-            // The coordinates of a scaled mesh reach 2.
+            // Coordinates of a scaled mesh are at most 2.
             let pad = PAD * self.ways[at].condition * (largest.max_element() + 2.0);
             let boxes = BoxRay::new(o.to_array(), d.to_array(), pad);
             Some(Inside { boxes, triangles })

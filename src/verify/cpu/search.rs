@@ -8,26 +8,26 @@ use super::boxes::{BoxRay, Real, Stack, traverse};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 
-/// The stacks of both levels, kept from ray to ray, and the steps of the last ray.
+/// The stacks of both levels, reused between rays, and the steps of the last ray.
 pub(super) struct Stacks<T> {
     top: Stack<T>,
     bottom: Stack<T>,
     pub(super) steps: Steps,
 }
 
-/// What a ray met on its way through both levels.
+/// Traversal steps of a ray through both levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Steps {
-    /// Inner nodes of the top tree.
+    /// Number of inner nodes of the top tree.
     pub top: u32,
-    /// Instances entered.
+    /// Number of instances entered.
     pub entries: u32,
-    /// Inner nodes of bottom trees.
+    /// Number of inner nodes of bottom trees.
     pub bottom: u32,
 }
 
 impl Steps {
-    /// All of them.
+    /// Returns the total number of steps.
     pub fn total(&self) -> u64 {
         u64::from(self.top) + u64::from(self.entries) + u64::from(self.bottom)
     }
@@ -40,12 +40,12 @@ impl<T> Stacks<T> {
     }
 }
 
-/// What is looked for: hits between `t_min` and `t_max`, the ends excluded.
+/// The range of the search: hits between `t_min` and `t_max`, excluding both.
 #[derive(Clone, Copy)]
 pub(super) struct Interval<T> {
     pub(super) t_min: T,
     pub(super) t_max: T,
-    /// Whether the first hit found will do.
+    /// Whether to stop at the first hit found.
     pub(super) any: bool,
 }
 
@@ -55,21 +55,21 @@ pub(super) struct Found<T> {
     pub(super) t: T,
     /// Index into the entries.
     pub(super) entry: usize,
-    /// Triangle of the mesh.
+    /// Index of the triangle in the mesh.
     pub(super) triangle: u32,
-    /// As seen in the coordinates that the triangle test was done in.
+    /// Whether the front is hit, in the coordinates of the triangle test.
     pub(super) front: bool,
 }
 
-/// How a ray looks inside an instance: for the boxes, and for the triangles.
+/// The ray in the coordinates of an instance: for the boxes, and for the triangles.
 pub(super) struct Inside<T> {
     pub(super) boxes: BoxRay<T>,
     pub(super) triangles: ShearedRay<T>,
 }
 
-/// The nearest hit of a ray, or any. Of hits at the same distance the one with the lowest instance and triangle, so
-/// that the result does not depend on the shape of the trees. `enter` takes the ray into an entry, `corners` gives a
-/// triangle of an entry in the coordinates of [`Inside::triangles`], `counts` tells of a hit whether it is one.
+/// Finds the nearest hit of a ray, or any. Of hits at the same distance, the one with the lowest instance and triangle
+/// wins, so that the result does not depend on the shape of the trees. `enter` transforms the ray into an entry,
+/// `corners` returns a triangle of an entry in the coordinates of [`Inside::triangles`], `counts` accepts hits.
 pub(super) fn search<T: Real>(
     accel: &TwoLevel,
     ray: &BoxRay<T>,

@@ -1,4 +1,4 @@
-//! Both tracers against brute force.
+//! Compares both tracers with brute force.
 
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 use proptest::prelude::*;
@@ -31,7 +31,7 @@ fn all_triangles(scene: &Scene) -> Vec<TriangleRef> {
         .collect()
 }
 
-/// The truth from a test of every triangle.
+/// Finds the true hit by testing every triangle.
 fn brute_truth(scene: &Scene, ray: &Ray) -> Option<TrueHit> {
     let sheared = ShearedRay::new(ray.origin.as_dvec3().to_array(), ray.direction.as_dvec3().to_array());
     let hits = all_triangles(scene).into_iter().filter_map(|at| {
@@ -42,7 +42,7 @@ fn brute_truth(scene: &Scene, ray: &Ray) -> Option<TrueHit> {
     within.min_by(|a, b| a.t.total_cmp(&b.t).then(a.at.cmp(&b.at)))
 }
 
-/// What single precision finds by a test of every triangle, without any box.
+/// Finds the hit in single precision by testing every triangle, without boxes.
 fn brute_single(accel: &TwoLevel, ray: &Ray) -> Option<Hit> {
     let scale = |x: f32| (f64::from(x) * accel.scale) as f32;
     let origin = Vec3A::from_array(ray.origin.to_array().map(scale));
@@ -121,7 +121,7 @@ fn first_hits(scene: &Scene, ray: Ray) -> (Option<Hit>, Option<TrueHit>) {
     (CpuTracer::new(&accel).closest(&[ray])[0], Reference::new(&accel).closest(&[ray])[0])
 }
 
-/// Repeats every triangle, all after all, so that some are the same for each geometry.
+/// Repeats all triangles, so that each geometry has duplicates.
 fn doubled(scene: &Scene) -> Scene {
     let mut doubled = scene.clone();
     for mesh in &mut doubled.meshes {
@@ -197,7 +197,7 @@ fn rays_along_the_sides_of_boxes_hit_what_lies_there() {
     let floor = scene(vec![mesh(0, vec![(None, positions, triangles)])], &[(0, DAffine3::IDENTITY)]);
     for x in 0..=cells {
         for z in 0..=cells {
-            // Down through the corners of the grid, on the planes between its boxes.
+            // Downwards through the corners of the grid, in the planes between its boxes.
             let ray = Ray::endless(DVec3::new(f64::from(x), 1.0, f64::from(z)), DVec3::NEG_Y);
             let (hit, truth) = first_hits(&floor, ray);
             assert!(hit.is_some_and(|h| h.t == 1.0 && h.front) && truth.is_some_and(|h| h.t == 1.0), "{x} {z}");

@@ -13,41 +13,41 @@ use super::watertight::ShearedRay;
 use crate::verify::rays::{Ray, RayKind};
 use crate::verify::{Hit, Pace, Tracer};
 
-/// Rays a task: few enough to spread over threads, enough to pay for its stacks.
+/// Number of rays per task: few enough to spread over threads, enough to amortise its stacks.
 const BATCH: usize = 256;
 
-/// Rays of a kind that are timed where nobody asks for more: milliseconds' worth.
+/// Default number of rays timed per kind, which take milliseconds.
 const TIMED: u32 = 2048;
 
-/// Boxes count as larger by this many times the largest coordinate that meets in a slab test.
+/// Padding of boxes, in multiples of the largest coordinate in a slab test.
 const PAD: f32 = 4.0 * f32::EPSILON;
 
-/// Traces rays on the CPU as a device does: instances are entered by taking the ray into the mesh with a matrix of
-/// 32-bit floats, the direction keeping its length so that distances need no conversion. Front is the side from
-/// which the corners run counter-clockwise in the mesh: a mirroring instance turns that side along, as glTF asks.
+/// Traces rays on the CPU as a device does: the ray is transformed into the mesh of an instance by a matrix of 32-bit
+/// floats, and the direction keeps its length, so that distances need no conversion. The front is the side on which the
+/// corners run counter-clockwise in the mesh: a mirroring instance flips that side, as glTF requires.
 pub struct CpuTracer<'a> {
     accel: &'a TwoLevel,
-    /// Mesh from world, for each entry; `None` where it overflows.
+    /// The mesh-from-world transform of each entry; `None` if it overflows.
     to_mesh: Vec<Option<Affine3A>>,
 }
 
 impl<'a> CpuTracer<'a> {
-    /// A tracer through built trees.
+    /// Creates a tracer that uses built trees.
     pub fn new(accel: &'a TwoLevel) -> Self {
         CpuTracer { accel, to_mesh: accel.entries.iter().map(|e| single(&e.to_mesh)).collect() }
     }
 
-    /// The first hit of each ray.
+    /// Returns the first hit of each ray.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
         self.each(rays, |ray, stacks| self.trace(ray, false, stacks))
     }
 
-    /// For each ray whether it hits anything.
+    /// Returns, for each ray, whether it hits anything.
     pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
     }
 
-    /// What each ray meets on its way to the first hit, or to any.
+    /// Returns the steps of each ray to the first hit, or to any.
     pub fn steps(&self, rays: &[Ray], any: bool) -> Vec<Steps> {
         self.each(rays, |ray, stacks| {
             self.trace(ray, any, stacks);
@@ -124,13 +124,13 @@ impl Tracer for CpuTracer<'_> {
     }
 }
 
-/// A ray for slab tests against boxes whose coordinates are at most `reach`.
+/// Returns a ray for slab tests against boxes whose coordinates are at most `reach`.
 fn slab_ray(origin: Vec3A, direction: Vec3A, reach: f32) -> BoxRay<f32> {
     let pad = PAD * (origin.abs().max_element() + reach);
     BoxRay::new(origin.to_array(), direction.to_array(), pad)
 }
 
-/// A transform in single precision, unless it overflows.
+/// Returns a transform in single precision, unless it overflows.
 fn single(transform: &DAffine3) -> Option<Affine3A> {
     let single = Affine3A::from_cols_array(&transform.to_cols_array().map(|x| x as f32));
     single.is_finite().then_some(single)

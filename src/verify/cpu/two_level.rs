@@ -1,7 +1,7 @@
 //! A scene as two levels of trees, shared by the tracer and the reference.
 //!
-//! World and meshes are scaled by powers of two so that their largest coordinate lies in [1, 2): that changes no
-//! digit, but keeps products of coordinates of 1e30 or 1e-30 within the range of single precision.
+//! World and meshes are scaled by powers of two so that their largest coordinate lies in [1, 2). This is exact, and
+//! keeps products of coordinates of 1e30 or 1e-30 within the range of single precision.
 
 use std::borrow::Cow;
 use std::hash::BuildHasher;
@@ -19,14 +19,14 @@ use crate::scene::{Bounds, Geometry, Instance, Mesh, MeshId, Scene};
 use crate::tree::{Quality, Tree};
 use crate::verify::rounding::{Magnitude, SINGLE};
 
-/// One level of the structure for each mesh, and one over the instances.
+/// A bottom tree for each mesh, and a top tree over the instances.
 #[derive(Debug, Default)]
 pub struct TwoLevel {
     pub(super) bottom: Vec<Bottom>,
     pub(super) top: Vec<BoxNode>,
     /// The instances that rays can enter, in the order of the top tree.
     pub(super) entries: Vec<Entry>,
-    /// Scaled world units a world unit.
+    /// Scaled world units per world unit.
     pub(super) scale: f64,
     /// Largest coordinate of the top tree, in scaled world units.
     pub(super) reach: f64,
@@ -38,51 +38,51 @@ pub struct TwoLevel {
 #[derive(Debug, Default)]
 pub(super) struct Bottom {
     pub(super) nodes: Vec<BoxNode>,
-    /// Corners in tree order, scaled; of equal triangles of one geometry those of the first only.
+    /// Corners in tree order, scaled; of equal triangles in one geometry, only the first is kept.
     pub(super) corners: Vec<[Vec3; 3]>,
-    /// Triangle of the mesh, by tree order: the first of equal ones.
+    /// Index in the mesh of each triangle in tree order; for equal triangles, that of the first.
     pub(super) order: Vec<u32>,
-    /// Scaled mesh units a mesh unit.
+    /// Scaled mesh units per mesh unit.
     scale: f64,
     /// Box of the scaled corners.
     bounds: Bounds,
     pub(super) depth: usize,
 }
 
-/// How far the boxes of instances reach beyond what is in them.
+/// How far the boxes of instances extend beyond their contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Padding {
     Nothing,
-    /// Wide enough for what single precision makes of a ray that is taken into the mesh.
+    /// Far enough for the error of transforming a ray into the mesh in single precision.
     AsRaysNeed,
 }
 
-/// An instance as rays enter it.
+/// An instance that rays can enter.
 #[derive(Debug)]
 pub(super) struct Entry {
     /// Index into the scene's instances.
     pub(super) instance: u32,
     pub(super) mesh: u32,
-    /// Scaled world from scaled mesh.
+    /// Transform from the scaled mesh to the scaled world.
     pub(super) to_world: DAffine3,
-    /// Scaled mesh from scaled world.
+    /// Transform from the scaled world to the scaled mesh.
     pub(super) to_mesh: DAffine3,
     pub(super) mirrored: bool,
 }
 
 impl TwoLevel {
-    /// Builds the trees. Instances whose transform has no inverse are left out, as no ray can enter them.
+    /// Builds the trees. Instances whose transform has no inverse are omitted, because no ray can enter them.
     pub fn build(scene: &Scene) -> TwoLevel {
         TwoLevel::build_with(scene, &MeshTrees::default())
     }
 
-    /// As [`TwoLevel::build`], where trees of the meshes are known.
+    /// Like [`TwoLevel::build`], with given trees of the meshes.
     pub fn build_with(scene: &Scene, trees: &MeshTrees) -> TwoLevel {
         TwoLevel::build_padded(scene, trees, Padding::AsRaysNeed)
     }
 
-    /// As [`TwoLevel::build_with`], with the boxes of instances as tight as a driver's. Far from the origin rays miss a little
-    /// at the ends of boxes, which changes no cost, where padding does: it may be as large as an object there.
+    /// Like [`TwoLevel::build_with`], with boxes of instances as tight as a driver's. Far from the origin, rays then
+    /// miss a little at the ends of boxes, which does not change the cost, unlike padding as large as an object.
     pub fn build_to_count(scene: &Scene, trees: &MeshTrees) -> TwoLevel {
         TwoLevel::build_padded(scene, trees, Padding::Nothing)
     }
@@ -116,8 +116,8 @@ impl TwoLevel {
 }
 
 impl TwoLevel {
-    /// The two-level cost of the trees over an area of the scene: see [`TwoLevelCost::cost`]. Boxes are rounded outward,
-    /// so that it may come out larger by a few parts in a million, and by as much as instances are padded.
+    /// Returns the two-level cost of the trees over an area of the scene, see [`TwoLevelCost::cost`]. As boxes are
+    /// rounded outward, it may be larger by a few parts in a million; padded instances add to it.
     pub fn cost(&self, scene_area: f64) -> f64 {
         let areas = |b: &Bottom| FaceAreas::sum(b.nodes.iter().map(|node| (node.count, node.bounds())));
         let of_mesh: Vec<FaceAreas> = self.bottom.par_iter().map(areas).collect();
@@ -165,7 +165,7 @@ impl Bottom {
 }
 
 impl Entry {
-    /// The entry and its world box as a driver computes it, padded.
+    /// Returns the entry and its padded world box, as a driver computes it.
     fn of(
         index: usize,
         instance: &Instance,
@@ -181,7 +181,7 @@ impl Entry {
         let largest = Magnitude::new(&to_world, &to_mesh, mesh.bounds.min.abs().max(mesh.bounds.max.abs()));
         let pad = match padding {
             Padding::Nothing => DVec3::ZERO,
-            // All of the scaled world lies within two units of the origin.
+            // The scaled world lies within two units of the origin.
             Padding::AsRaysNeed => {
                 DVec3::splat((8.0 * SINGLE * largest.at(tight.min.abs().max(tight.max.abs()))).min(4.0))
             }
@@ -192,15 +192,15 @@ impl Entry {
     }
 }
 
-/// The triangles of a mesh, in order, without those whose corners are bit for bit, and in the same order, those of an
-/// earlier one of the same geometry: they are hit where that one is, which wins the tie.
+/// Returns the triangles of a mesh, in order, except those whose corners equal, bit for bit and in order, those of an
+/// earlier triangle of the same geometry, which is hit at the same place and wins the tie.
 fn distinct(mesh: &Mesh) -> Vec<u32> {
     let key = |t: u32| (mesh.locate(t).0, mesh.corners(t).map(|p| p.to_array().map(f32::to_bits)));
     let hash = |t: u32| FxBuildHasher.hash_one(key(t));
     let mut hashed: Vec<(u64, u32)> =
         (0..mesh.triangle_count() as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(|t| (hash(t), t)).collect();
     hashed.par_sort_unstable();
-    // Triangles that share a hash by chance stay: a test too many changes nothing.
+    // Triangles whose hashes collide stay: an unnecessary test changes nothing.
     let differ = |pair: &&[(u64, u32)]| pair[0].0 != pair[1].0 || key(pair[0].1) != key(pair[1].1);
     let later = hashed.windows(2).filter(differ).map(|pair| pair[1].1);
     let mut kept: Vec<u32> = hashed.first().map(|first| first.1).into_iter().chain(later).collect();
@@ -208,13 +208,13 @@ fn distinct(mesh: &Mesh) -> Vec<u32> {
     kept
 }
 
-/// The inverse of a transform, if it has one.
+/// Returns the inverse of a transform, if it exists.
 fn inverse(transform: &DAffine3) -> Option<DAffine3> {
     let inverse = transform.inverse();
     (transform.matrix3.determinant() != 0.0 && inverse.is_finite()).then_some(inverse)
 }
 
-/// A transform between a world and a mesh that are scaled.
+/// Returns a transform between a scaled world and a scaled mesh.
 fn scaled(transform: &DAffine3, world: f64, mesh: f64) -> DAffine3 {
     let m = transform.matrix3;
     let by = world / mesh;
@@ -228,7 +228,7 @@ fn largest_coordinate(bounds: &Bounds) -> f64 {
     if bounds.is_empty() { 0.0 } else { bounds.min.abs().max(bounds.max.abs()).max_element() }
 }
 
-/// The power of two that takes a positive number into [1, 2); 1 for zero and what is not finite.
+/// Returns the power of two that scales a positive number into [1, 2); 1 for zero and non-finite numbers.
 fn unit_scale(largest: f64) -> f64 {
     if largest.is_normal() {
         let exponent = i64::from((largest.to_bits() >> 52) as u32 & 0x7ff) - 1023;

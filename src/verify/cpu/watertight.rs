@@ -7,21 +7,21 @@ use super::boxes::Real;
 #[derive(Clone, Copy)]
 pub(super) struct ShearedRay<T> {
     origin: [T; 3],
-    /// The axes in the order in which they are used; the last is the direction's longest.
+    /// The order in which the axes are used; the last is the longest of the direction.
     axes: [usize; 3],
     shear: [T; 3],
 }
 
-/// Where a ray meets a triangle's plane inside the triangle.
+/// The point where a ray intersects a triangle.
 pub(super) struct Crossing<T> {
-    /// Distance in lengths of the direction.
+    /// Distance, in units of the direction's length.
     pub(super) t: T,
     /// Whether the corners run counter-clockwise as seen from the ray's origin.
     pub(super) front: bool,
 }
 
 impl<T: Real> ShearedRay<T> {
-    /// Of a zero direction nothing is hit.
+    /// Shears a ray. A ray with a zero direction hits nothing.
     pub(super) fn new(origin: [T; 3], direction: [T; 3]) -> Self {
         let length = |i: usize| if direction[i].is_negative() { -direction[i] } else { direction[i] };
         let z = if length(0) >= length(1) && length(0) >= length(2) {
@@ -32,21 +32,21 @@ impl<T: Real> ShearedRay<T> {
             2
         };
         let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-        // Exchanging two axes keeps the corners' sense of turn where the ray runs backward.
+        // Swapping two axes preserves the winding of the corners if the ray runs backward.
         let axes = if direction[z].is_negative() { [y, x, z] } else { [x, y, z] };
         let along = direction[z];
         let shear = [direction[axes[0]] / along, direction[axes[1]] / along, T::from(1.0) / along];
         ShearedRay { origin, axes, shear }
     }
 
-    /// A corner in the sheared space, its last coordinate not yet scaled.
+    /// Returns a corner in the sheared space, its last coordinate not yet scaled.
     fn sheared(&self, corner: [T; 3]) -> [T; 3] {
         let [x, y, z] = self.axes.map(|i| corner[i] - self.origin[i]);
         [x - self.shear[0] * z, y - self.shear[1] * z, z]
     }
 
-    /// The crossing of the ray's line with a triangle, at any `t`. Edges belong to the triangle; a triangle seen
-    /// exactly edge-on is not crossed. Numbers that overflow give no crossing or a `t` that is NaN.
+    /// Returns the crossing of the ray's line with a triangle, at any `t`. Edges belong to the triangle; a triangle
+    /// seen exactly edge-on is not crossed. On overflow there is no crossing, or `t` is NaN.
     pub(super) fn cross(&self, corners: [[T; 3]; 3]) -> Option<Crossing<T>> {
         let [a, b, c] = corners.map(|p| self.sheared(p));
         let u = T::difference_of_products(c[0], b[1], c[1], b[0]);
