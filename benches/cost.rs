@@ -58,7 +58,7 @@ fn sheets(meshes: u32, n: u32, instances: u32) -> (Scene, Layout) {
     };
     let group = |m| Group { name: String::new(), content: Content::Kept(MeshId(m)) };
     let scene = Scene {
-        meshes: (0..meshes).map(|_| sheet(n)).collect(),
+        meshes: (0..meshes).map(|_| sheet(n)).collect::<Vec<_>>().into(),
         instances: (0..instances).map(instance).collect(),
         ..Scene::default()
     };

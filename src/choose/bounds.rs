@@ -74,11 +74,10 @@ impl Bounds {
         Excess::Extent { ratio: length / self.extent, allowed: self.longest_ratio }
     }
 
-    /// What of a layout is beyond what the user allows, how far, and why: a note for each bound and cause. `pins` say why
-    /// each instance of the scene is pinned.
-    pub(super) fn notes(&self, scene: &Scene, layout: &Layout, origin: Origin, pins: &[Option<Pinned>]) -> Vec<Note> {
+    /// What of a layout is beyond what the user allows, how far, and why: a note for each bound and cause.
+    pub(super) fn notes(&self, scene: &Scene, layout: &Layout, origin: Origin) -> Vec<Note> {
         let built = as_built(scene, layout, self.blas_per);
-        let causes = Causes::of(pins, &built, origin);
+        let causes = Causes::of(scene, &built, origin);
         let as_bytes = built.as_bytes(scene);
         let mut notes = Vec::new();
         if self.is_asked_for && self.are_too_many(as_bytes) {
@@ -116,7 +115,7 @@ struct Causes<'l> {
 }
 
 impl<'l> Causes<'l> {
-    fn of(pins: &[Option<Pinned>], layout: &'l Layout, origin: Origin) -> Causes<'l> {
+    fn of(scene: &Scene, layout: &'l Layout, origin: Origin) -> Causes<'l> {
         let mut of_groups = vec![Cause::Whole; layout.groups.len()];
         let mut placed = vec![0; layout.groups.len()];
         layout.placements.iter().for_each(|p| placed[p.group as usize] += 1);
@@ -126,7 +125,7 @@ impl<'l> Causes<'l> {
             }
         }
         for Placement { group, instance, .. } in &layout.placements {
-            let pinned = instance.and_then(|i| pins[i.0 as usize]);
+            let pinned = instance.and_then(|i| scene.instances[i.0 as usize].pinned);
             if let (Some(why), Cause::Whole) = (pinned, of_groups[*group as usize]) {
                 of_groups[*group as usize] = Cause::Pinned(why);
             }

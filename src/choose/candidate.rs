@@ -12,7 +12,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Refuse};
 use crate::layout::{self, Content, Layout, PlacedTrees, as_built};
 use crate::methods::{self, Cache};
-use crate::scene::{Bounds, Pinned, Scene};
+use crate::scene::{Bounds, Overlay, Pinned, Scene};
 use crate::verify::Lap;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
@@ -46,8 +46,8 @@ pub(crate) struct Laid {
     /// How they are: see [`layout::turn_axes`]. Neither boxes nor rounding depend on it.
     pub(super) axes: u8,
     pub(super) passes: Vec<Pass>,
-    /// Why each instance of the scene is pinned, those among them that rounding would move too far.
-    pub(super) pins: Vec<Option<Pinned>>,
+    /// Pins the instances that rounding would move too far.
+    pub(super) overlay: Overlay,
     /// The largest distance between a corner and its stored position, over the diagonal of the scene.
     pub(crate) position_error_ratio: f64,
     /// Instances that it leaves as they are only because of that.
@@ -83,8 +83,7 @@ impl Laid {
         let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
         let known = last.take().filter(|known| Arc::ptr_eq(&known.of, &self.layout));
         let straight = known.unwrap_or_else(|| Straight::new(scene, &self.layout));
-        let mut written = straight.scene.clone();
-        layout::turn_stored(&mut written, &straight.is_rewritten, self.axes);
+        let written = layout::turn_stored(&straight.scene, &straight.is_rewritten, self.axes);
         *last = Some(straight);
         written
     }
@@ -119,8 +118,7 @@ impl Candidate {
             (Cow::Borrowed(_), true) => (known.cost, known.picoseconds),
             (built, unchanged) => {
                 let of_groups = known.trees.of_layout(scene, built, known.placed);
-                let mut stored = layout::stored(scene, built);
-                stored.translate(-ranking.vantage);
+                let stored = layout::stored(scene, built).translated(-ranking.vantage);
                 let trees = TwoLevel::build_to_count(&stored, &of_groups);
                 drop(stored);
                 let cost = if unchanged { known.cost } else { trees.cost(scene.bounds().area()) };
@@ -209,9 +207,8 @@ fn longest_group(scene: &Scene, layout: &Layout) -> f64 {
 /// Layouts tried without those instances alone that rounding moves too far, before all of their groups stay as they are.
 const MOST_ROUNDS: usize = 4;
 
-/// Runs a plan and keeps its rounding within the limit; the scene's pins are as before.
-pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
-    let pins_before: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
+/// Runs a plan and keeps its rounding within the limit.
+pub(crate) fn lay_out(cache: &mut Cache, scene: &Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
     let start = Instant::now();
     let mut layout = methods::run_with(cache, plan.method, scene, &plan.options);
     let regrouped = !emit::is_unchanged(&layout);
@@ -220,19 +217,18 @@ pub(crate) fn lay_out(cache: &mut Cache, scene: &mut Scene, plan: &Plan, max_err
 
     let start = Instant::now();
     let mut settled = emit::settle(scene, &mut layout, max_error_ratio, Refuse::Instances);
-    let (mut held_back, mut rounds) = (0, 0);
+    let (mut held_back, mut rounds, mut overlay) = (0, 0, Overlay::default());
     while !settled.refused.is_empty() {
         held_back += settled.refused.len();
         rounds += 1;
-        scene.pin(&settled.refused, Pinned::Precision);
-        layout = methods::run_with(cache, plan.method, scene, &plan.options);
+        overlay.pin(&settled.refused, Pinned::Precision);
+        let pinned = scene.overlaid(&overlay);
+        layout = methods::run_with(cache, plan.method, &pinned, &plan.options);
         let refuse = if rounds < MOST_ROUNDS { Refuse::Instances } else { Refuse::Groups };
-        settled = emit::settle(scene, &mut layout, max_error_ratio, refuse);
+        settled = emit::settle(&pinned, &mut layout, max_error_ratio, refuse);
     }
     passes.push(Pass::since(start, PassId::CentreFrames, settled.centred > 0, Reason::Centred(settled.centred)));
-    let pins = scene.instances.iter().map(|i| i.pinned).collect();
-    scene.instances.iter_mut().zip(pins_before).for_each(|(instance, pin)| instance.pinned = pin);
     let diagonal = scene.bounds().diagonal();
     let position_error_ratio = if settled.error == 0.0 { 0.0 } else { settled.error / diagonal };
-    Laid { layout: Arc::new(layout), axes: 0, passes, pins, position_error_ratio, held_back }
+    Laid { layout: Arc::new(layout), axes: 0, passes, overlay, position_error_ratio, held_back }
 }

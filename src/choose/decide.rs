@@ -200,6 +200,7 @@ mod tests {
     use crate::layout::BlasPer;
     use crate::layout::{Content, Group, Layout};
     use crate::methods::{Method, Options};
+    use crate::scene::Overlay;
     use crate::verify::speed::KindSpeed;
     use crate::verify::{Lap, PerKind};
 
@@ -217,7 +218,7 @@ mod tests {
             layout: Arc::new(Layout { groups, ..Layout::default() }),
             axes: 0,
             passes: vec![],
-            pins: vec![],
+            overlay: Overlay::default(),
             position_error_ratio: 0.0,
             held_back: 0,
         };

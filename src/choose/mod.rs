@@ -26,7 +26,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::BlasPer;
 use crate::layout::{self, Layout, PlacedTrees};
 use crate::methods::{self, Cache, Method, PartOptions, PlanId};
-use crate::scene::{Pinned, Scene};
+use crate::scene::{Overlay, Scene};
 use crate::tree::Tree;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
@@ -122,6 +122,8 @@ pub struct Chosen {
     /// Whether the input as it is may be written instead, if this one turns out not to be faster: it was measured to be the
     /// fastest, rather than predicted or asked for, and the input keeps to what is allowed.
     pub may_be_left_alone: bool,
+    /// What the layout was chosen with: pins of instances that could not be written out within the position error allowed.
+    pub overlay: Overlay,
     bounds: Bounds,
 }
 
@@ -137,25 +139,24 @@ impl Chosen {
         selection.candidates[0].outcome = Outcome::Chosen(why.clone());
         let plan = selection.candidates[0].plan;
         let selection = Selection { method: Method::Keep, plan, why, chosen: 0, ..selection };
-        let pins: Vec<Option<Pinned>> = scene.instances.iter().map(|i| i.pinned).collect();
+        let pinned = scene.overlaid(&self.overlay);
         let origin = Origin::Chosen(Method::Keep);
         Chosen { layout, trees: Vec::new(), selection, passes, notes: Vec::new(), ..self }
-            .with_notes(scene, origin, &pins)
+            .with_notes(&pinned, origin)
     }
 
     /// Notes what of the layout is beyond what the user allows.
-    fn with_notes(mut self, scene: &Scene, origin: Origin, pins: &[Option<Pinned>]) -> Chosen {
-        let notes = self.bounds.notes(scene, &self.layout, origin, pins);
+    fn with_notes(mut self, scene: &Scene, origin: Origin) -> Chosen {
+        let notes = self.bounds.notes(scene, &self.layout, origin);
         self.notes.extend(notes);
         self
     }
 }
 
-/// Chooses a layout and readies it for writing. Instances that could not be written out within the position error
-/// allowed become pinned. `trees` are known trees of the scene's meshes, `metrics` those of the input, which bound bytes,
+/// Chooses a layout and readies it for writing. `trees` are known trees of the scene's meshes, `metrics` those of the input, which bound bytes,
 /// and of the scene, in which meshes may stand in for copies.
 pub fn choose(
-    scene: &mut Scene,
+    scene: &Scene,
     trees: &MeshTrees,
     metrics: [&Metrics; 2],
     machine: &Machine,
@@ -178,17 +179,11 @@ pub fn choose(
     }
 }
 
-fn asked_for(
-    scene: &mut Scene,
-    method: Method,
-    options: &ChooseOptions,
-    verify: &VerifyOptions,
-    bounds: Bounds,
-) -> Chosen {
+fn asked_for(scene: &Scene, method: Method, options: &ChooseOptions, verify: &VerifyOptions, bounds: Bounds) -> Chosen {
     let plan = Plan { id: method.into(), method, options: told(&options.layout, verify) };
     let mut cache = Cache::serving([&plan.options]);
     let laid = lay_out(&mut cache, scene, &plan, verify.max_position_error_ratio);
-    let pins = laid.pins.clone();
+    let pinned = scene.overlaid(&laid.overlay);
     let selection = Selection {
         requested: options.method,
         method,
@@ -199,7 +194,9 @@ fn asked_for(
         chosen: 0,
     };
     let found = Found { selection, passes: Vec::new(), may_be_left_alone: false };
-    finish(scene, laid, &cache.into_trees(), found, bounds, verify).with_notes(scene, Origin::Asked(method), &pins)
+    let chosen = finish(&pinned, laid, &cache.into_trees(), found, bounds, verify);
+    // What could not be written out where it is may still become a copy of one node.
+    Chosen { overlay: Overlay::default(), ..chosen }.with_notes(&pinned, Origin::Asked(method))
 }
 
 /// What the methods are told, and how the consumer builds what they lay out.
@@ -220,7 +217,7 @@ struct Choosing<'a> {
 }
 
 /// The best candidate within the bounds.
-fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
+fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let Choosing { options, verify, .. } = *choosing;
     let mut told = told(&options.layout, verify);
     told.instances.max_bytes_ratio = options.max_bytes_ratio();
@@ -248,11 +245,10 @@ fn best(scene: &mut Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
         candidates: results,
         chosen: decision.winner,
     };
-    let pins = winner.laid.pins.clone();
-    scene.instances.iter_mut().zip(&pins).for_each(|(instance, pin)| instance.pinned = *pin);
+    let pinned = scene.overlaid(&winner.laid.overlay);
     let origin = if decision.keeps { Origin::Chosen(winner.plan.method) } else { Origin::NoneKeeps };
     let found = Found { selection, passes, may_be_left_alone: measured && decision.may_be_left_alone };
-    finish(scene, winner.laid, &placed, found, bounds, verify).with_notes(scene, origin, &pins)
+    finish(&pinned, winner.laid, &placed, found, bounds, verify).with_notes(&pinned, origin)
 }
 
 /// What came of all candidates, and of the plans that come to another one only because rounding must not move vertices too
@@ -304,15 +300,11 @@ struct Evaluated {
 
 impl Choosing<'_> {
     /// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs.
-    fn evaluate(&self, scene: &mut Scene, plans: &[Plan]) -> Evaluated {
+    fn evaluate(&self, scene: &Scene, plans: &[Plan]) -> Evaluated {
         let Choosing { trees, options, verify, .. } = *self;
         let vantage = vantage(scene);
-        let seen = (vantage != DVec3::ZERO).then(|| {
-            let mut seen = scene.clone();
-            seen.translate(-vantage);
-            seen
-        });
-        let seen = seen.as_ref().unwrap_or(&*scene);
+        let moved = (vantage != DVec3::ZERO).then(|| scene.translated(-vantage));
+        let seen = moved.as_ref().unwrap_or(scene);
         let of_input = TwoLevel::build_to_count(seen, trees);
         let rays = rays::generate(seen, &Reference::new(&of_input), options.effort.rays(), verify.seed);
         let blas_per = verify.build.blas_per;
@@ -322,7 +314,6 @@ impl Choosing<'_> {
         drop(of_input);
         let (laid, placed, held_back) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
         let known = Known { trees, placed: &placed, cost: self.before.two_level_cost, picoseconds };
-        let scene = &*scene;
         let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
             let start = Instant::now();
             let candidate = Candidate::new(scene, &known, plan.clone(), laid, &ranking);
@@ -373,7 +364,7 @@ impl Choosing<'_> {
     }
 
     /// Times candidates near the fastest, round by round; gives their number.
-    fn refine(&self, scene: &mut Scene, candidates: &mut Vec<Candidate>, bounds: &Bounds) -> usize {
+    fn refine(&self, scene: &Scene, candidates: &mut Vec<Candidate>, bounds: &Bounds) -> usize {
         let weights = &self.verify.weights;
         // Software drivers take longer to try, and what they build depends less on axes.
         let is_gpu = self.machine.name().1 == MachineKind::Gpu;
@@ -419,7 +410,7 @@ type LaidOut<'p> = (&'p Plan, Laid, f64);
 /// The layouts of plans that differ, with the seconds each took, the trees that were built for them, and the plans that
 /// differ in nothing because of rounding.
 fn lay_out_all<'p>(
-    scene: &mut Scene,
+    scene: &Scene,
     plans: &'p [Plan],
     max_error_ratio: f64,
 ) -> (Vec<LaidOut<'p>>, PlacedTrees, Vec<HeldBack>) {
@@ -469,5 +460,5 @@ fn finish(
     passes.extend(laid.passes);
     let (pass, trees) = passes::order(scene, &mut layout, placed);
     passes.push(pass);
-    Chosen { layout, trees, selection, passes, notes, may_be_left_alone, bounds }
+    Chosen { layout, trees, selection, passes, notes, may_be_left_alone, overlay: laid.overlay, bounds }
 }

@@ -233,7 +233,7 @@ fn roles(doc: &Document, scene: &Scene) -> Vec<Role> {
 /// The meshes that have as many triangles of each material and kind as others, together with these.
 fn alike(scene: &Scene, roles: &[Role]) -> Vec<Vec<MeshId>> {
     let mut counts: BTreeMap<u64, Vec<MeshId>> = BTreeMap::new();
-    for (i, mesh) in (0u32..).zip(&scene.meshes).filter(|(i, _)| roles[*i as usize] != Role::None) {
+    for (i, mesh) in (0u32..).zip(scene.meshes.iter()).filter(|(i, _)| roles[*i as usize] != Role::None) {
         counts.entry(signature::coarse_key(mesh)).or_default().push(MeshId(i));
     }
     counts.into_values().filter(|meshes| meshes.len() > 1).collect()

@@ -144,7 +144,7 @@ mod tests {
     }
 
     pub(super) fn scene(meshes: Vec<Mesh>, instances: Vec<Instance>) -> Scene {
-        Scene { meshes, instances, ..Scene::default() }
+        Scene { meshes: meshes.into(), instances, ..Scene::default() }
     }
 
     /// Every mesh and instance as it is.

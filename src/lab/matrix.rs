@@ -29,7 +29,7 @@ struct Entry {
 /// Why the device cannot take the scene, in words.
 pub(super) fn measure(
     name: &str,
-    scene: &mut Scene,
+    scene: &Scene,
     machine: &Machine,
     class: Class,
     config: &Config,
@@ -59,7 +59,7 @@ pub(super) fn measure(
     Ok(rows)
 }
 
-fn lay_out_all(scene: &mut Scene, plans: &[Plan], config: &Config) -> Vec<Entry> {
+fn lay_out_all(scene: &Scene, plans: &[Plan], config: &Config) -> Vec<Entry> {
     let mut entries: Vec<Entry> = Vec::new();
     let mut cache = Cache::serving(plans.iter().map(|plan| &plan.options));
     for plan in plans {

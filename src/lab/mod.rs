@@ -115,11 +115,11 @@ fn measure(
     class: Class,
     config: &Config,
 ) -> Result<(Vec<Row>, Vec<String>), String> {
-    let (mut scene, warnings) = verify::read(path).map_err(|e| e.to_string())?;
+    let (scene, warnings) = verify::read(path).map_err(|e| e.to_string())?;
     if scene.triangles_placed() == 0 {
         return Err(format!("{}: there are no triangles to trace", path.display()));
     }
-    let rows = matrix::measure(name, &mut scene, machine, class, config);
+    let rows = matrix::measure(name, &scene, machine, class, config);
     Ok((rows.map_err(|why| format!("{}: {why}", path.display()))?, warnings))
 }
 

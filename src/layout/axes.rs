@@ -44,16 +44,18 @@ pub(crate) fn turn_axes(layout: &mut Layout, number: u8) {
 }
 
 /// The same for the scene that a layout comes to ([`super::stored()`]), of which the meshes that are rewritten are told.
-pub(crate) fn turn_stored(scene: &mut Scene, is_rewritten: &[bool], number: u8) {
+pub(crate) fn turn_stored(scene: &Scene, is_rewritten: &[bool], number: u8) -> Scene {
     let turn = way(number);
     let back = turn.transpose();
-    for (mesh, _) in scene.meshes.iter_mut().zip(is_rewritten).filter(|(_, rewritten)| **rewritten) {
-        let positions = mesh.geometries.iter_mut().flat_map(|g| &mut g.positions);
+    let mut turned = scene.clone();
+    for (index, _) in is_rewritten.iter().enumerate().filter(|(_, rewritten)| **rewritten) {
+        let positions = turned.meshes[index].geometries.iter_mut().flat_map(|g| &mut g.positions);
         positions.for_each(|p| *p = (back * p.as_dvec3()).as_vec3());
     }
-    for instance in scene.instances.iter_mut().filter(|i| is_rewritten[i.mesh.0 as usize]) {
+    for instance in turned.instances.iter_mut().filter(|i| is_rewritten[i.mesh.0 as usize]) {
         instance.transform.matrix3 *= turn;
     }
+    turned
 }
 
 #[cfg(test)]
@@ -95,8 +97,7 @@ mod tests {
                 (0..10).map(|triangle| scene.world_corners(TriangleRef { instance: 0, triangle })).collect::<Vec<_>>()
             };
             assert_eq!(corners(&after), corners(&before));
-            let mut turned = before.clone();
-            turn_stored(&mut turned, &vec![method == Method::Single; layout.groups.len()], 9);
+            let turned = turn_stored(&before, &vec![method == Method::Single; layout.groups.len()], 9);
             assert_eq!(turned.meshes[0].geometries[0].positions, after.meshes[0].geometries[0].positions);
             assert_eq!(turned.instances[0].transform, after.instances[0].transform);
         }

@@ -1,5 +1,7 @@
 //! The scene that a layout comes to, as a ray tracer sees it.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::store::{Store, Vertices};
@@ -10,7 +12,7 @@ use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Mesh, MeshId, Sc
 /// The scene of a layout: one mesh for each group, one instance for each placement, in their order; positions as they
 /// would be stored, rounded once. For tracing only: nothing says where a triangle comes from.
 pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
-    let meshes = layout.groups.par_iter().map(|group| mesh(scene, &group.content)).collect();
+    let meshes: Vec<Arc<Mesh>> = layout.groups.par_iter().map(|group| mesh(scene, &group.content)).collect();
     let instance = |placement: &super::Placement| Instance {
         name: String::new(),
         transform: placement.transform,
@@ -19,7 +21,7 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
         ..scene.instances[placement.instance.map_or(0, |i| i.0 as usize)].clone()
     };
     Scene {
-        meshes,
+        meshes: meshes.into_iter().collect(),
         instances: layout.placements.iter().map(instance).collect(),
         materials: scene.materials.clone(),
         images: scene.images.clone(),
@@ -29,9 +31,9 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
     }
 }
 
-fn mesh(scene: &Scene, content: &Content) -> Mesh {
+fn mesh(scene: &Scene, content: &Content) -> Arc<Mesh> {
     let geometries = match content {
-        Content::Kept(mesh) => return scene.meshes[mesh.0 as usize].clone(),
+        Content::Kept(mesh) => return scene.meshes.share(mesh.0 as usize),
         Content::Piece { geometries, .. } | Content::Baked { geometries, .. } => geometries,
     };
     let store = Store::new(scene, content);
@@ -40,7 +42,7 @@ fn mesh(scene: &Scene, content: &Content) -> Mesh {
         first_triangle: store.of_geometry(number).start as u32,
         ..geometry(&store, of)
     };
-    Mesh { geometries: geometries.iter().enumerate().map(geometry).collect(), ..Mesh::default() }
+    Mesh { geometries: geometries.iter().enumerate().map(geometry).collect(), ..Mesh::default() }.into()
 }
 
 /// A geometry of a group.

@@ -35,7 +35,7 @@ pub struct AlphaTexture {
 /// with a texture is told by its image when that is read.
 pub(super) fn attach(doc: &Document, scene: &mut Scene) {
     let mut images = Images { doc, images: Vec::new(), of_document: Vec::new() };
-    for mesh in &mut scene.meshes {
+    for mesh in scene.meshes.iter_mut() {
         for geometry in &mut mesh.geometries {
             if let (Opacity::Mask { cutoff }, Some(material)) = (geometry.opacity, geometry.material) {
                 geometry.alpha = Some(images.test(mesh.source, geometry, material, cutoff));

@@ -111,7 +111,7 @@ mod tests {
             ..Geometry::default()
         };
         Scene {
-            meshes: vec![Mesh { geometries: vec![geometry], ..Mesh::default() }],
+            meshes: vec![Mesh { geometries: vec![geometry], ..Mesh::default() }].into(),
             instances: vec![Instance {
                 name: "one".into(),
                 node: 0,

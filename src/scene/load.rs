@@ -40,7 +40,7 @@ pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning
         copied_nodes: (0u32..).zip(&contents.nodes).filter(|(_, n)| n.copies.is_some()).map(|(i, _)| i).collect(),
         materials: contents.materials,
         images: Vec::new(),
-        meshes,
+        meshes: meshes.into(),
     };
     pin_whole_nodes(&mut scene.instances);
     alpha::attach(doc, &mut scene);

@@ -4,12 +4,16 @@ mod alpha;
 pub mod bounds;
 mod check;
 mod load;
+mod meshes;
+mod overlay;
 mod stand_in;
 
 pub use alpha::{AlphaTest, AlphaTexture, Image, Wrap};
 pub use bounds::Bounds;
 pub use check::Broken;
 pub use load::{LoadOptions, load};
+pub use meshes::Meshes;
+pub use overlay::Overlay;
 
 use glam::{DAffine3, DVec3, Vec3};
 pub use raykiln_formats::contents::{Camera, CopyOf, Opacity, Source, TriangleOrder};
@@ -28,7 +32,7 @@ pub struct InstanceId(pub u32);
 pub struct Scene {
     /// Mesh groups with at least one triangle that an instance of the default scene places, or placed before another
     /// mesh stood in for it, in the order of the document.
-    pub meshes: Vec<Mesh>,
+    pub meshes: Meshes,
     /// Their placements: the TLAS entries, in depth-first order of the node hierarchy.
     pub instances: Vec<Instance>,
     /// The document's materials.
@@ -227,19 +231,12 @@ impl Scene {
         self.instance_boxes().iter().fold(Bounds::EMPTY, |all, b| all.union(b))
     }
 
-    /// Moves all that is placed.
-    pub fn translate(&mut self, by: DVec3) {
-        self.instances.iter_mut().for_each(|instance| instance.transform.translation += by);
-        self.cameras.iter_mut().for_each(|camera| camera.transform.translation += by);
-    }
-
-    /// Pins instances, and the other copies of their nodes: one list of transforms serves all copies of a node, so
-    /// that they stay or go together.
-    pub fn pin(&mut self, instances: &[InstanceId], reason: Pinned) {
-        for instance in instances {
-            self.instances[instance.0 as usize].pinned.get_or_insert(reason);
-        }
-        load::pin_whole_nodes(&mut self.instances);
+    /// The scene with all that is placed moved; it shares all meshes.
+    pub fn translated(&self, by: DVec3) -> Scene {
+        let mut moved = self.clone();
+        moved.instances.iter_mut().for_each(|instance| instance.transform.translation += by);
+        moved.cameras.iter_mut().for_each(|camera| camera.transform.translation += by);
+        moved
     }
 
     /// Triangles stored: each mesh counted once.

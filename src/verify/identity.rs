@@ -38,7 +38,7 @@ impl<'a> Identity<'a> {
     pub fn new(before: &'a Scene, after: &'a Scene) -> Self {
         let mut placed: Vec<_> = (0u32..).zip(&before.instances).map(|(i, at)| (at.node, at.copy, i)).collect();
         placed.sort_unstable();
-        let mut meshes: Vec<_> = (0u32..).zip(&before.meshes).map(|(i, mesh)| (mesh.source, i)).collect();
+        let mut meshes: Vec<_> = (0u32..).zip(before.meshes.iter()).map(|(i, mesh)| (mesh.source, i)).collect();
         meshes.sort_unstable();
         let starts = after.meshes.iter().map(|m| m.geometries.iter().map(run_starts).collect()).collect();
         Identity { before, after, placed, meshes, starts, unchanged: is_unchanged(before, after) }
@@ -260,7 +260,7 @@ fn is_unchanged(before: &Scene, after: &Scene) -> bool {
     let same_geometry = |(a, b): (&Geometry, &Geometry)| a.primitive == b.primitive && a.provenance == b.provenance;
     same_instances
         && before.meshes.len() == after.meshes.len()
-        && before.meshes.iter().zip(&after.meshes).all(|(a, b)| {
+        && before.meshes.iter().zip(after.meshes.iter()).all(|(a, b)| {
             a.source == b.source
                 && a.geometries.len() == b.geometries.len()
                 && a.geometries.iter().zip(&b.geometries).all(same_geometry)

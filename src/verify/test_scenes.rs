@@ -51,7 +51,13 @@ pub(super) fn instance(node: u32, mesh: u32, transform: DAffine3) -> Instance {
 /// Returns a scene of meshes and placements, with nodes numbered in order.
 pub(crate) fn scene(meshes: Vec<Mesh>, placements: &[(u32, DAffine3)]) -> Scene {
     let instances = (0..).zip(placements).map(|(node, &(mesh, transform))| instance(node, mesh, transform)).collect();
-    Scene { meshes, instances, materials: vec![Default::default(); 4], nodes: placements.len(), ..Scene::default() }
+    Scene {
+        meshes: meshes.into(),
+        instances,
+        materials: vec![Default::default(); 4],
+        nodes: placements.len(),
+        ..Scene::default()
+    }
 }
 
 /// Returns a cube from -1 to 1 that faces outward, with two triangles per face.

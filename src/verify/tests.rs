@@ -52,7 +52,7 @@ pub(super) fn baked(scene: &Scene, frame: DAffine3) -> Scene {
     let group = Mesh { geometries, source: 77, ..Default::default() };
     let node = scene.nodes as u32;
     Scene {
-        meshes: vec![group],
+        meshes: vec![group].into(),
         instances: vec![instance(node, 0, frame)],
         materials: scene.materials.clone(),
         nodes: scene.nodes + 1,
@@ -240,7 +240,8 @@ fn pieces_of_a_shared_mesh_belong_to_the_node_that_places_them() {
     let before = room();
     let mut after = room();
     // The shared mesh becomes two pieces, each placed by a child of the node that placed the mesh.
-    let cubes = after.meshes.remove(1);
+    let cubes = before.meshes[1].clone();
+    after.meshes = vec![before.meshes[0].clone()].into();
     for (g, mut geometry) in (0..).zip(cubes.geometries) {
         geometry.provenance = Some(Provenance::Runs {
             sources: vec![Source { node: None, copy: 0, mesh: 1, primitive: geometry.primitive }],
@@ -312,7 +313,7 @@ fn coincident_triangles_are_ties() {
     assert_sound(&found);
     assert!(found.ties > 100, "{} ties", found.ties);
     // With exchanged materials, this is not a tie.
-    after.meshes.swap(0, 1);
+    after.meshes = vec![before.meshes[1].clone(), before.meshes[0].clone()].into();
     assert!(!verify(&before, &after, &options()).passed());
     assert!(mismatches_seen(&before, &after) > 0);
 }

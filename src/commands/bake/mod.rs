@@ -117,8 +117,9 @@ pub fn bake(
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
     let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
-    let chosen = choose::choose(&mut scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
+    let chosen = choose::choose(&scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
+    let mut scene = scene.overlaid(&chosen.overlay).into_owned();
     let copies_are_placed = copies::are_placed(&scene, &chosen.layout);
     let given = Given { doc: &mut doc, scene: &mut scene, trees: &trees };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;

@@ -53,7 +53,7 @@ fn overlapping(worst: &[OverlappingPair]) -> Vec<Finding> {
 /// Meshes with equal vertices and triangles that could be one.
 fn duplicates(scene: &Scene) -> Option<Finding> {
     let mut by_content: BTreeMap<u64, Vec<&Mesh>> = BTreeMap::new();
-    for mesh in &scene.meshes {
+    for mesh in scene.meshes.iter() {
         by_content.entry(content_hash(mesh)).or_default().push(mesh);
     }
     let (mut copies, mut saved) = (0, 0);
@@ -179,7 +179,7 @@ mod tests {
             pinned: None,
         };
         Scene {
-            meshes: vec![mesh; transforms.len()],
+            meshes: vec![mesh; transforms.len()].into(),
             instances: transforms.iter().enumerate().map(instance).collect(),
             ..Scene::default()
         }

@@ -52,7 +52,7 @@ fn candidates(scene: &Scene) -> Vec<Candidate> {
         *if instance.pinned.is_some() { pinned } else { free } += 1;
     }
     let mut candidates: Vec<Candidate> = (0u32..)
-        .zip(&scene.meshes)
+        .zip(scene.meshes.iter())
         .zip(counts)
         .filter(|(_, (free, _))| *free > 0)
         .map(|((mesh, of), (free, pinned))| {

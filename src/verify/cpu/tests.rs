@@ -124,7 +124,7 @@ fn first_hits(scene: &Scene, ray: Ray) -> (Option<Hit>, Option<TrueHit>) {
 /// Repeats all triangles, so that each geometry has duplicates.
 fn doubled(scene: &Scene) -> Scene {
     let mut doubled = scene.clone();
-    for mesh in &mut doubled.meshes {
+    for mesh in doubled.meshes.iter_mut() {
         let mut first_triangle = 0;
         for geometry in &mut mesh.geometries {
             geometry.triangles.extend_from_within(..);

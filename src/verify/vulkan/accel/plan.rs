@@ -189,7 +189,7 @@ mod tests {
             transform,
             pinned: None,
         };
-        Scene { meshes, instances: placed.iter().map(place).collect(), ..Scene::default() }
+        Scene { meshes: meshes.into(), instances: placed.iter().map(place).collect(), ..Scene::default() }
     }
 
     fn scaled(x: f64, y: f64, z: f64) -> DAffine3 {

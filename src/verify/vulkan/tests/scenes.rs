@@ -76,7 +76,7 @@ pub(super) fn scene(meshes: Vec<Mesh>, placed: impl IntoIterator<Item = (u32, DA
         transform,
         pinned: None,
     };
-    Scene { meshes, instances: placed.into_iter().map(place).collect(), ..Scene::default() }
+    Scene { meshes: meshes.into(), instances: placed.into_iter().map(place).collect(), ..Scene::default() }
 }
 
 /// Returns a scene with three geometries in one mesh and one in another, of all kinds of opacity; its instances are

@@ -1,0 +1,84 @@
+//! The meshes of a scene, which scenes share.
+
+use std::ops::{Index, IndexMut};
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::Mesh;
+
+/// A list of meshes. Its clones share them, so that scenes that place the same meshes in different ways store them once;
+/// a mesh that is changed in one of them is copied first.
+#[derive(Clone, Debug, Default)]
+pub struct Meshes(Vec<Arc<Mesh>>);
+
+impl Meshes {
+    /// Number of meshes.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// A mesh by its index.
+    pub fn get(&self, index: usize) -> Option<&Mesh> {
+        self.0.get(index).map(Arc::as_ref)
+    }
+
+    /// A mesh by its index, to be placed by another scene as well.
+    ///
+    /// # Panics
+    /// If there is no such mesh.
+    pub fn share(&self, index: usize) -> Arc<Mesh> {
+        self.0[index].clone()
+    }
+
+    /// All of them in order.
+    pub fn iter(&self) -> impl DoubleEndedIterator<Item = &Mesh> + ExactSizeIterator {
+        self.0.iter().map(Arc::as_ref)
+    }
+
+    /// As [`Meshes::iter`], in parallel.
+    pub fn par_iter(&self) -> impl IndexedParallelIterator<Item = &Mesh> {
+        self.0.par_iter().map(Arc::as_ref)
+    }
+
+    /// All of them, to be changed.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Mesh> {
+        self.0.iter_mut().map(Arc::make_mut)
+    }
+
+    /// Adds a mesh.
+    pub fn push(&mut self, mesh: Mesh) {
+        self.0.push(Arc::new(mesh));
+    }
+}
+
+impl Index<usize> for Meshes {
+    type Output = Mesh;
+
+    fn index(&self, index: usize) -> &Mesh {
+        &self.0[index]
+    }
+}
+
+impl IndexMut<usize> for Meshes {
+    fn index_mut(&mut self, index: usize) -> &mut Mesh {
+        Arc::make_mut(&mut self.0[index])
+    }
+}
+
+impl From<Vec<Mesh>> for Meshes {
+    fn from(meshes: Vec<Mesh>) -> Meshes {
+        meshes.into_iter().map(Arc::new).collect()
+    }
+}
+
+impl FromIterator<Arc<Mesh>> for Meshes {
+    fn from_iter<I: IntoIterator<Item = Arc<Mesh>>>(meshes: I) -> Meshes {
+        Meshes(meshes.into_iter().collect())
+    }
+}
