@@ -50,7 +50,6 @@ fn sheets(meshes: u32, n: u32, instances: u32) -> (Scene, Layout) {
         source_node: i,
         source_copy: None,
         source_index: 0,
-        stand_in: None,
         copy: 0,
         mesh: MeshId(i % meshes),
         transform: DAffine3::from_translation(20.0 * noise3(i)) * turned(i),

@@ -191,7 +191,7 @@ fn longest_group(scene: &Scene, layout: &Layout) -> f64 {
     let mut of_mesh = vec![Bounds::EMPTY; scene.meshes.len()];
     for (instance, bounds) in scene.instances.iter().zip(scene.instance_boxes()) {
         let all = &mut of_mesh[instance.mesh.0 as usize];
-        *all = all.union(&bounds);
+        *all = all.union(bounds);
     }
     let box_of = |content: &Content| match content {
         Content::Kept(mesh) => of_mesh[mesh.0 as usize],

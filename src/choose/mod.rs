@@ -141,8 +141,7 @@ impl Chosen {
         let selection = Selection { method: Method::Keep, plan, why, chosen: 0, ..selection };
         let pinned = scene.overlaid(&self.overlay);
         let origin = Origin::Chosen(Method::Keep);
-        Chosen { layout, trees: Vec::new(), selection, passes, notes: Vec::new(), ..self }
-            .with_notes(&pinned, origin)
+        Chosen { layout, trees: Vec::new(), selection, passes, notes: Vec::new(), ..self }.with_notes(&pinned, origin)
     }
 
     /// Notes what of the layout is beyond what the user allows.

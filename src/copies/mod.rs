@@ -31,7 +31,7 @@ use raykiln_formats::Document;
 use rayon::prelude::*;
 
 use crate::cost::bytes;
-use crate::scene::{MeshId, Scene, StandIn, TriangleOrder};
+use crate::scene::{Instance, MeshId, Overlay, Scene, StandIn, TriangleOrder};
 use align::Alignment;
 use shape::Shape;
 use signature::Signature;
@@ -101,6 +101,20 @@ impl Copies {
     pub fn models(&self) -> usize {
         self.list.iter().map(|c| c.model).collect::<BTreeSet<_>>().len()
     }
+
+    /// Lets the models stand in for their copies wherever `scene` places these.
+    pub fn overlay(&self, scene: &Scene) -> Overlay {
+        if self.list.is_empty() {
+            return Overlay::default();
+        }
+        let mut of_mesh: Vec<Option<&CopiedMesh>> = vec![None; scene.meshes.len()];
+        self.list.iter().for_each(|copy| of_mesh[copy.mesh.0 as usize] = Some(copy));
+        let stand_in = |instance: &Instance| {
+            let CopiedMesh { mesh, model, motion, ref order } = *of_mesh[instance.mesh.0 as usize]?;
+            Some(StandIn { model, copy: mesh, motion, transform: instance.transform, order: order.clone() })
+        };
+        Overlay::of_stand_ins(scene.instances.iter().map(stand_in).collect())
+    }
 }
 
 /// Finds the meshes that are copies of others. Meshes placed by a pinned instance are models, never copies; those with
@@ -165,33 +179,6 @@ fn exact_among_the_rest(
     }
     let options = Options { likeness: Likeness::Exact, least_saved_bytes: 0, ..*options };
     find_as(doc, scene, &rest, &options).list
-}
-
-/// Lets the models stand in for their copies.
-pub fn apply(scene: &mut Scene, copies: &Copies) {
-    let mut of_mesh: Vec<Option<&CopiedMesh>> = vec![None; scene.meshes.len()];
-    copies.list.iter().for_each(|copy| of_mesh[copy.mesh.0 as usize] = Some(copy));
-    for instance in &mut scene.instances {
-        let Some(copy) = of_mesh[instance.mesh.0 as usize] else { continue };
-        instance.stand_in = Some(StandIn {
-            copy: copy.mesh,
-            motion: copy.motion,
-            transform: instance.transform,
-            order: copy.order.clone(),
-        });
-        instance.mesh = copy.model;
-        instance.transform *= copy.motion;
-    }
-}
-
-/// Makes the scene again what it was before [`apply`]; instances pinned since stay pinned.
-pub fn undo(scene: &mut Scene) {
-    for instance in &mut scene.instances {
-        if let Some(stand_in) = instance.stand_in.take() {
-            instance.mesh = stand_in.copy;
-            instance.transform = stand_in.transform;
-        }
-    }
 }
 
 /// What a mesh can be.

@@ -201,10 +201,9 @@ fn copies(solids: &[Solid], options: &Options) -> Copies {
 }
 
 fn copies_in(doc: &Document, options: &Options) -> Copies {
-    let mut scene = load(doc);
-    let found = find(doc, &scene, options);
-    let before = scene.clone();
-    apply(&mut scene, &found);
+    let before = load(doc);
+    let found = find(doc, &before, options);
+    let scene = before.overlaid(&found.overlay(&before));
     assert_eq!(scene.check(), Ok(()));
     let limit = options.max_position_error_ratio * before.bounds().diagonal();
     for i in 0..scene.instances.len() as u32 {
@@ -215,10 +214,6 @@ fn copies_in(doc: &Document, options: &Options) -> Copies {
             let near = |turn: usize| (0..3).all(|c| now[c].distance(then[(c + turn) % 3]) <= limit);
             assert!((0..3).any(near), "{now:?} stands in for {then:?}");
         }
-    }
-    undo(&mut scene);
-    for (a, b) in scene.instances.iter().zip(&before.instances) {
-        assert_eq!((a.mesh, a.transform, a.stand_in.is_none()), (b.mesh, b.transform, true));
     }
     found
 }

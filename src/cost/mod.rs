@@ -138,7 +138,6 @@ mod tests {
             copy: 0,
             mesh: MeshId(mesh),
             transform,
-            stand_in: None,
             pinned: None,
         }
     }

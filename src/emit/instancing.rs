@@ -141,8 +141,7 @@ fn candidates(document: &Document, scene: &Scene, layout: &Layout) -> Vec<(u32, 
         let content = &layout.groups[placement.group as usize].content;
         let may_move = |&i: &InstanceId| may_move(document, scene, i) && !(has_more(document, scene, content));
         let Some(instance) = placement.instance.filter(may_move) else { continue };
-        let stand_in = scene.instances[instance.0 as usize].stand_in.as_ref();
-        let order = stand_in.and_then(|s| s.order.as_ref()).map(|order| order.runs());
+        let order = scene.stand_in(instance).and_then(|s| s.order.as_ref()).map(|order| order.runs());
         lists.entry((placement.group, order)).or_default().push(at);
     }
     lists.into_iter().filter(|(_, list)| list.len() > 1).map(|((group, _), list)| (group, list)).collect()
@@ -233,8 +232,7 @@ impl Batch {
             self.placements.iter().filter_map(|&at| layout.placements[at].instance).collect();
         let nodes: Vec<u32> = instances.iter().map(|i| scene.instances[i.0 as usize].node).collect();
         let nodes = accessors.numbers(document, &nodes);
-        let stand_in = |i: &InstanceId| scene.instances[i.0 as usize].stand_in.as_ref();
-        let Some(first) = instances.iter().find_map(stand_in) else {
+        let Some(first) = instances.iter().find_map(|&i| scene.stand_in(i)) else {
             return SourceRecord::Copies { nodes, meshes: None, runs: None };
         };
         let of: Vec<u32> = instances.iter().map(|&i| scene.document_mesh(i)).collect();

@@ -66,7 +66,7 @@ pub fn is_unchanged(layout: &Layout) -> bool {
 
 /// Whether a layout shows the document exactly as it is: unchanged, and no mesh of the scene stands in for another.
 pub fn is_input(scene: &Scene, layout: &Layout) -> bool {
-    is_unchanged(layout) && scene.instances.iter().all(|i| i.stand_in.is_none())
+    is_unchanged(layout) && scene.stand_ins.iter().all(Option::is_none)
 }
 
 /// How documents are made.

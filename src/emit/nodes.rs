@@ -48,7 +48,7 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
     for (placement, copied) in layout.placements.iter().zip(copied) {
         let group = &layout.groups[placement.group as usize];
         let mesh = meshes[placement.group as usize];
-        let stand_in = placement.instance.and_then(|i| scene.instances[i.0 as usize].stand_in.as_ref());
+        let stand_in = placement.instance.and_then(|i| scene.stand_in(i));
         match (&group.content, placement.instance) {
             (_, Some(instance)) if copied.is_some() => {
                 change_of(scene, instance, &mut changes).moved_to.extend(copied);

@@ -37,7 +37,7 @@ const OF_OWN_SIZE: f64 = 1e-4;
 /// that are stored in frames, that would still exceed the ratio of the scene's diagonal, or a ten-thousandth of their own.
 pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: Refuse) -> Settled {
     let boxes = scene.instance_boxes();
-    let limit = max_error_ratio * boxes.iter().fold(Bounds::EMPTY, |all, own| all.union(own)).diagonal();
+    let limit = max_error_ratio * scene.bounds().diagonal();
     let limits: Vec<f64> = boxes.iter().map(|own| limit.min(own_limit(own))).collect();
     let mut settled = Settled::default();
     for group in &mut layout.groups {

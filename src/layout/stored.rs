@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::store::{Store, Vertices};
 use crate::layout::{Content, GroupGeometry, Layout};
 use crate::parallel::CHEAP_ELEMENTS;
-use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Mesh, MeshId, Scene};
+use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Known, Mesh, MeshId, Scene};
 
 /// The scene of a layout: one mesh for each group, one instance for each placement, in their order; positions as they
 /// would be stored, rounded once. For tracing only: nothing says where a triangle comes from.
@@ -28,6 +28,8 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
         cameras: scene.cameras.clone(),
         nodes: scene.nodes,
         copied_nodes: scene.copied_nodes.clone(),
+        stand_ins: Arc::default(),
+        boxes: Known::default(),
     }
 }
 

@@ -31,7 +31,7 @@ impl SceneBuilder {
         let materials = materials.max(self.0.materials.len());
         self.0.materials.resize(materials, Material::default());
         let source = self.0.meshes.len() as u32;
-        self.0.meshes.push(Mesh { name: name.into(), source, geometries, dropped: false });
+        self.0.meshes.push(Mesh { name: name.into(), source, geometries, ..Mesh::default() });
         MeshId(source)
     }
 
@@ -47,7 +47,6 @@ impl SceneBuilder {
             copy: 0,
             mesh,
             transform,
-            stand_in: None,
             pinned: None,
         };
         self.0.instances.push(instance);

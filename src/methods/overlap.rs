@@ -46,7 +46,7 @@ pub(super) fn overlap(scene: &Scene, instances: &InstanceOptions, options: &Over
         selection.place_left(&mut layout);
         let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
         let (groups, least) = reduction.least_overlap();
-        let input = overlap::ratio(&scene.instance_boxes());
+        let input = overlap::ratio(scene.instance_boxes());
         if least < input {
             reduction.pieces.emit(&groups, &mut layout);
         } else {

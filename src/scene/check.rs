@@ -1,6 +1,6 @@
 //! The invariants of a [`Scene`].
 
-use super::{Geometry, Instance, Mesh, Scene};
+use super::{Geometry, InstanceId, Mesh, Scene};
 
 /// The first broken invariant of a scene, in words.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -26,7 +26,7 @@ impl Scene {
             if !instance.transform.is_finite() {
                 return broken("has a transform that is not finite");
             }
-            if !self.stands_in_soundly(instance) {
+            if !self.stands_in_soundly(InstanceId(i as u32)) {
                 return broken("stands in for a mesh that it is no copy of");
             }
         }
@@ -36,10 +36,10 @@ impl Scene {
 
 impl Scene {
     /// Whether the mesh that an instance's mesh stands in for is there and has as many triangles.
-    fn stands_in_soundly(&self, instance: &Instance) -> bool {
-        let Some(stand_in) = &instance.stand_in else { return true };
+    fn stands_in_soundly(&self, instance: InstanceId) -> bool {
+        let Some(stand_in) = self.stand_in(instance) else { return true };
         let Some(copy) = self.meshes.get(stand_in.copy.0 as usize) else { return false };
-        let count = self.meshes[instance.mesh.0 as usize].triangle_count();
+        let count = self.mesh_of(instance).triangle_count();
         let ordered = stand_in.order.as_ref().map_or(count, |o| o.runs().iter().map(|r| r[1] as usize).sum());
         let within = |run: &[u32; 2]| run[0] as usize + run[1] as usize <= count;
         let sound = stand_in.order.as_ref().is_none_or(|o| o.runs().iter().all(within));
@@ -100,7 +100,7 @@ fn check_alpha(geometry: &Geometry, images: usize) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{AlphaTest, AlphaTexture, Image, MeshId};
+    use super::super::{AlphaTest, AlphaTexture, Image, Instance, MeshId};
     use super::*;
     use glam::{DAffine3, DVec3, Vec3};
 
@@ -118,7 +118,6 @@ mod tests {
                 source_node: 0,
                 source_copy: None,
                 source_index: 0,
-                stand_in: None,
                 copy: 0,
                 mesh: MeshId(0),
                 transform: DAffine3::IDENTITY,

@@ -1,6 +1,7 @@
 //! From a document to a [`Scene`].
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use glam::{DAffine3, Vec3};
 use globset::{Glob, GlobSet, GlobSetBuilder};
@@ -8,7 +9,7 @@ use raykiln_formats::contents::{self, Contents};
 use raykiln_formats::{Document, Error, ReadOptions, Warning};
 
 use super::alpha;
-use super::{Geometry, Instance, Mesh, MeshId, Pinned, PlacedCamera, Scene};
+use super::{Geometry, Instance, Known, Mesh, MeshId, Pinned, PlacedCamera, Scene};
 
 /// How to read a scene.
 #[derive(Clone, Debug, Default)]
@@ -41,6 +42,8 @@ pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning
         materials: contents.materials,
         images: Vec::new(),
         meshes: meshes.into(),
+        stand_ins: Arc::default(),
+        boxes: Known::default(),
     };
     pin_whole_nodes(&mut scene.instances);
     alpha::attach(doc, &mut scene);
@@ -209,7 +212,6 @@ fn instances(
                 source_index: if own_source.is_some() { 0 } else { copy as u32 },
                 mesh,
                 transform,
-                stand_in: None,
                 pinned: s.pinned.or_else(|| instance_pin(contents, node, source)).or(singular),
             });
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::Mesh;
+use super::{Known, Mesh};
 
 /// A list of meshes. Its clones share them, so that scenes that place the same meshes in different ways store them once;
 /// a mesh that is changed in one of them is copied first.
@@ -48,12 +48,21 @@ impl Meshes {
 
     /// All of them, to be changed.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Mesh> {
-        self.0.iter_mut().map(Arc::make_mut)
+        self.0.iter_mut().map(changeable)
     }
 
     /// Adds a mesh.
     pub fn push(&mut self, mesh: Mesh) {
         self.0.push(Arc::new(mesh));
+    }
+}
+
+impl<'a> IntoIterator for &'a Meshes {
+    type Item = &'a Mesh;
+    type IntoIter = std::iter::Map<std::slice::Iter<'a, Arc<Mesh>>, fn(&'a Arc<Mesh>) -> &'a Mesh>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.0.iter().map(Arc::as_ref)
     }
 }
 
@@ -67,8 +76,15 @@ impl Index<usize> for Meshes {
 
 impl IndexMut<usize> for Meshes {
     fn index_mut(&mut self, index: usize) -> &mut Mesh {
-        Arc::make_mut(&mut self.0[index])
+        changeable(&mut self.0[index])
     }
+}
+
+/// A mesh to be changed; nothing is known of it afterwards.
+fn changeable(mesh: &mut Arc<Mesh>) -> &mut Mesh {
+    let mesh = Arc::make_mut(mesh);
+    mesh.extent = Known::default();
+    mesh
 }
 
 impl From<Vec<Mesh>> for Meshes {

@@ -3,6 +3,7 @@
 mod alpha;
 pub mod bounds;
 mod check;
+mod known;
 mod load;
 mod meshes;
 mod overlay;
@@ -11,9 +12,12 @@ mod stand_in;
 pub use alpha::{AlphaTest, AlphaTexture, Image, Wrap};
 pub use bounds::Bounds;
 pub use check::Broken;
+pub use known::Known;
 pub use load::{LoadOptions, load};
 pub use meshes::Meshes;
 pub use overlay::Overlay;
+
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
 pub use raykiln_formats::contents::{Camera, CopyOf, Opacity, Source, TriangleOrder};
@@ -30,7 +34,7 @@ pub struct InstanceId(pub u32);
 /// Triangles placed by instances of mesh groups, as the default scene of a document shows them.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Mesh groups with at least one triangle that an instance of the default scene places, or placed before another
+    /// Mesh groups with at least one triangle that an instance of the default scene places, or would place if no other
     /// mesh stood in for it, in the order of the document.
     pub meshes: Meshes,
     /// Their placements: the TLAS entries, in depth-first order of the node hierarchy.
@@ -45,6 +49,17 @@ pub struct Scene {
     pub nodes: usize,
     /// Nodes whose mesh `EXT_mesh_gpu_instancing` copies, in ascending order.
     pub copied_nodes: Vec<u32>,
+    /// What the meshes of instances stand in for, by instance, as an [`Overlay`] has it; empty for a scene as it was loaded.
+    pub stand_ins: Arc<Vec<Option<StandIn>>>,
+    /// See [`Scene::instance_boxes`] and [`Scene::bounds`].
+    pub boxes: Known<Boxes>,
+}
+
+/// World boxes of what a scene places.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Boxes {
+    of_instances: Vec<Bounds>,
+    of_all: Bounds,
 }
 
 /// A mesh group of the input: the geometries of one BLAS.
@@ -59,6 +74,8 @@ pub struct Mesh {
     /// Whether triangles of the document's mesh were dropped, so that it must not be written as it is. Points and lines
     /// beside the triangles are no reason: they stay in the document's mesh.
     pub dropped: bool,
+    /// See [`Mesh::bounds`].
+    pub extent: Known<Bounds>,
 }
 
 /// Triangles with one material, in the coordinates of their mesh.
@@ -108,8 +125,6 @@ pub struct Instance {
     pub mesh: MeshId,
     /// World from mesh, finite.
     pub transform: DAffine3,
-    /// What `mesh` stands in for, where the document's node places another mesh, of which it is a copy.
-    pub stand_in: Option<StandIn>,
     /// Why the instance must stay as it is; `None` if it need not.
     pub pinned: Option<Pinned>,
 }
@@ -165,9 +180,9 @@ impl Mesh {
         self.geometries.iter().map(|g| g.triangles.len()).sum()
     }
 
-    /// Box around its triangles in mesh coordinates.
+    /// Box around its triangles in mesh coordinates; computed once.
     pub fn bounds(&self) -> Bounds {
-        self.geometries.iter().fold(Bounds::EMPTY, |all, g| all.union(&g.bounds()))
+        *self.extent.get_or(|| self.geometries.iter().fold(Bounds::EMPTY, |all, g| all.union(&g.bounds())))
     }
 
     /// The geometry that holds triangle `triangle` of the mesh, and the triangle's index in it.
@@ -220,15 +235,23 @@ impl Scene {
         self.instances.iter().map(|i| self.meshes[i.mesh.0 as usize].geometries.len() as u64).sum()
     }
 
-    /// World boxes of all instances: their meshes' boxes transformed, as a driver computes them.
-    pub fn instance_boxes(&self) -> Vec<Bounds> {
-        let of_mesh: Vec<Bounds> = self.meshes.iter().map(Mesh::bounds).collect();
-        self.instances.iter().map(|i| of_mesh[i.mesh.0 as usize].transformed(&i.transform)).collect()
+    /// World boxes of all instances: their meshes' boxes transformed, as a driver computes them; computed once.
+    pub fn instance_boxes(&self) -> &[Bounds] {
+        &self.boxes().of_instances
     }
 
-    /// Box around the boxes of all instances: never smaller than the box around all placed triangles.
+    /// Box around the boxes of all instances: never smaller than the box around all placed triangles; computed once.
     pub fn bounds(&self) -> Bounds {
-        self.instance_boxes().iter().fold(Bounds::EMPTY, |all, b| all.union(b))
+        self.boxes().of_all
+    }
+
+    fn boxes(&self) -> &Boxes {
+        self.boxes.get_or(|| {
+            let of_instance = |i: &Instance| self.meshes[i.mesh.0 as usize].bounds().transformed(&i.transform);
+            let of_instances: Vec<Bounds> = self.instances.iter().map(of_instance).collect();
+            let of_all = of_instances.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+            Boxes { of_instances, of_all }
+        })
     }
 
     /// The scene with all that is placed moved; it shares all meshes.

@@ -1,18 +1,26 @@
 //! What a bake adds to a scene that it has read, which itself never changes.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
-use super::{InstanceId, Pinned, Scene, load};
+use super::{InstanceId, Pinned, Scene, StandIn, load};
 
-/// What is laid over a scene: instances that must stay as they are for a reason found after loading. Costs nothing while it
-/// is empty.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// What is laid over a scene: meshes that stand in for their copies, and instances that must stay as they are for a reason
+/// found after loading. Costs nothing while it is empty.
+#[derive(Clone, Debug, Default)]
 pub struct Overlay {
+    /// By instance; none where the list is empty.
+    stand_ins: Arc<Vec<Option<StandIn>>>,
     /// By instance; those beyond the end are not pinned.
     pins: Vec<Option<Pinned>>,
 }
 
 impl Overlay {
+    /// Meshes that stand in for others, by instance.
+    pub fn of_stand_ins(stand_ins: Vec<Option<StandIn>>) -> Overlay {
+        Overlay { stand_ins: Arc::new(stand_ins), pins: Vec::new() }
+    }
+
     /// Pins instances.
     pub fn pin(&mut self, instances: &[InstanceId], reason: Pinned) {
         for instance in instances.iter().map(|i| i.0 as usize) {
@@ -23,7 +31,7 @@ impl Overlay {
 
     /// Whether it changes nothing.
     pub fn is_empty(&self) -> bool {
-        self.pins.is_empty()
+        self.stand_ins.is_empty() && self.pins.is_empty()
     }
 }
 
@@ -35,6 +43,14 @@ impl Scene {
             return Cow::Borrowed(self);
         }
         let mut scene = self.clone();
+        if !overlay.stand_ins.is_empty() {
+            scene.stand_ins = overlay.stand_ins.clone();
+        }
+        for (instance, stand_in) in scene.instances.iter_mut().zip(overlay.stand_ins.iter()) {
+            let Some(stand_in) = stand_in else { continue };
+            instance.mesh = stand_in.model;
+            instance.transform = stand_in.transform * stand_in.motion;
+        }
         for (instance, pin) in scene.instances.iter_mut().zip(&overlay.pins) {
             instance.pinned = instance.pinned.or(*pin);
         }

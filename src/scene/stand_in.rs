@@ -9,14 +9,16 @@ use super::{InstanceId, MeshId, Scene, TriangleOrder, TriangleRef};
 /// What an instance stands for whose mesh stands in for the one that its node places in the document.
 #[derive(Clone, Debug)]
 pub struct StandIn {
+    /// The mesh that is placed instead.
+    pub model: MeshId,
     /// The mesh that the node places in the document.
     pub copy: MeshId,
-    /// `copy` from the mesh placed: turned, moved, uniformly scaled, perhaps mirrored; each coefficient is exactly a
+    /// `copy` from `model`: turned, moved, uniformly scaled, perhaps mirrored; each coefficient is exactly a
     /// 32-bit float.
     pub motion: DAffine3,
     /// World from `copy`.
     pub transform: DAffine3,
-    /// Which triangle of `copy` each triangle of the mesh placed is; `None` where both are in the same order.
+    /// Which triangle of `copy` each triangle of `model` is; `None` where both are in the same order.
     pub order: Option<Arc<TriangleOrder>>,
 }
 
@@ -32,13 +34,18 @@ pub struct Origin {
 }
 
 impl Scene {
+    /// What the mesh that an instance places stands in for.
+    pub fn stand_in(&self, instance: InstanceId) -> Option<&StandIn> {
+        self.stand_ins.get(instance.0 as usize)?.as_ref()
+    }
+
     /// Where a placed triangle is in the document: another mesh than the one placed where that stands in for it.
     ///
     /// # Panics
     /// If there is no such triangle, or an order of triangles is broken.
     pub fn origin(&self, at: TriangleRef) -> Origin {
         let instance = &self.instances[at.instance as usize];
-        let Some(stand_in) = &instance.stand_in else {
+        let Some(stand_in) = self.stand_in(InstanceId(at.instance)) else {
             return Origin { mesh: instance.mesh, triangle: at.triangle, transform: instance.transform };
         };
         let triangle = match &stand_in.order {
@@ -50,8 +57,8 @@ impl Scene {
 
     /// Index in the document of the mesh that an instance's node places.
     pub fn document_mesh(&self, instance: InstanceId) -> u32 {
-        let instance = &self.instances[instance.0 as usize];
-        let mesh = instance.stand_in.as_ref().map_or(instance.mesh, |s| s.copy);
+        let placed = self.instances[instance.0 as usize].mesh;
+        let mesh = self.stand_in(instance).map_or(placed, |s| s.copy);
         self.meshes[mesh.0 as usize].source
     }
 }

@@ -40,7 +40,6 @@ pub(super) fn instance(node: u32, mesh: u32, transform: DAffine3) -> Instance {
         source_node: node,
         source_copy: None,
         source_index: 0,
-        stand_in: None,
         copy: 0,
         mesh: MeshId(mesh),
         transform,

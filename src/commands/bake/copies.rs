@@ -1,5 +1,6 @@
 //! The pass "find copies": meshes that are copies of others become instances of them.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::time::Instant;
 
@@ -15,7 +16,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::Layout;
 use crate::report::Pass;
 use crate::report::words::{bytes, counted};
-use crate::scene::{InstanceId, Scene};
+use crate::scene::{InstanceId, Overlay, Scene};
 
 /// Whether copies are looked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,35 +53,46 @@ const LEAST_SAVED_RATIO: f64 = 0.05;
 /// Bytes that `auto` must save besides: what devices allocate at least at a time (see rule RK009 of `inspect`).
 const LEAST_SAVED_BYTES: u64 = 64 << 10;
 
+/// What came of looking for copies.
+pub(super) struct Sharing<'a> {
+    /// The scene with the meshes that stand in for their copies.
+    pub(super) staged: Cow<'a, Scene>,
+    /// Its metrics.
+    pub(super) metrics: Metrics,
+    /// What was done; `None` if the options leave the pass out.
+    pub(super) pass: Option<Pass>,
+}
+
 /// Lets meshes stand in for their copies, but for those whose looser boxes cost too much, and unless hardly any memory
 /// is saved.
-/// Returns the metrics of the scene with them, and what was done; nothing where the options leave the pass out.
-pub(super) fn share(
+pub(super) fn share<'a>(
     doc: &Document,
-    scene: &mut Scene,
+    scene: &'a Scene,
     trees: &MeshTrees,
     before: &Metrics,
     options: &BakeOptions,
-) -> (Metrics, Option<Pass>) {
+) -> Sharing<'a> {
     let start = Instant::now();
-    let Some(likeness) = options.copies.likeness(options.choose.method) else { return (before.clone(), None) };
+    let Some(likeness) = options.copies.likeness(options.choose.method) else {
+        return Sharing { staged: Cow::Borrowed(scene), metrics: before.clone(), pass: None };
+    };
     let max_position_error_ratio = options.verify.max_position_error_ratio;
     let least_saved_bytes = if options.copies == FindCopies::ByMethod { least_saved_bytes(before) } else { 0 };
     let found = copies::find(doc, scene, &copies::Options { likeness, max_position_error_ratio, least_saved_bytes });
-    let (metrics, applied, reason) = match (found.list.as_slice(), found.most_saved_bytes) {
-        ([], Some(0) | None) => (before.clone(), false, "no two meshes are alike".to_owned()),
-        ([], Some(most)) => {
-            let reason = format!("sharing copies, if there are any, would save {} at most", bytes(most));
-            (before.clone(), false, reason)
-        }
-        _ => apply(doc, scene, trees, before, &found, options),
+    let (shared, reason) = match (found.list.as_slice(), found.most_saved_bytes) {
+        ([], Some(0) | None) => (None, "no two meshes are alike".to_owned()),
+        ([], Some(most)) => (None, format!("sharing copies, if there are any, would save {} at most", bytes(most))),
+        _ => worth_sharing(doc, scene, trees, before, &found, options),
     };
-    (metrics, Some(Pass { id: PassId::FindCopies, applied, reason, seconds: start.elapsed().as_secs_f64() }))
+    let (applied, seconds) = (shared.is_some(), start.elapsed().as_secs_f64());
+    let (overlay, metrics) = shared.unwrap_or_else(|| (Overlay::default(), before.clone()));
+    let pass = Pass { id: PassId::FindCopies, applied, reason, seconds };
+    Sharing { staged: scene.overlaid(&overlay), metrics, pass: Some(pass) }
 }
 
 /// Whether a layout places a mesh that stands in for a copy, or pieces of one, rather than write it out.
 pub(super) fn are_placed(scene: &Scene, layout: &Layout) -> bool {
-    let is_copy = |i: InstanceId| scene.instances[i.0 as usize].stand_in.is_some();
+    let is_copy = |i: InstanceId| scene.stand_in(i).is_some();
     layout.placements.iter().filter_map(|placement| placement.instance).any(is_copy)
 }
 
@@ -100,19 +112,20 @@ fn least_saved_bytes(before: &Metrics) -> u64 {
     LEAST_SAVED_BYTES.max((LEAST_SAVED_RATIO * before.as_bytes() as f64).ceil() as u64)
 }
 
-fn apply(
+/// The copies to share, with the metrics of the scene that shares them, and why; `None` if none are to be shared.
+fn worth_sharing(
     doc: &Document,
-    scene: &mut Scene,
+    scene: &Scene,
     trees: &MeshTrees,
     before: &Metrics,
     found: &Copies,
     options: &BakeOptions,
-) -> (Metrics, bool, String) {
-    let Part { shared, metrics, cost_of_all } = best_part(doc, scene, trees, before, found, options);
+) -> (Option<(Overlay, Metrics)>, String) {
+    let Part { shared, overlay, metrics, cost_of_all } = best_part(doc, scene, trees, before, found, options);
     let looser =
         |cost| format!("turned boxes are looser: predicted cost {cost:.2} against {:.2}", before.two_level_cost);
     if let Some(cost) = cost_of_all.filter(|_| shared.list.is_empty()) {
-        return (before.clone(), false, format!("{}, but {}", words(&found.list), looser(cost)));
+        return (None, format!("{}, but {}", words(&found.list), looser(cost)));
     }
     let saved = before.as_bytes().saturating_sub(metrics.as_bytes());
     let mut reason = words(&shared.list);
@@ -124,7 +137,6 @@ fn apply(
             bytes(saved)
         );
     } else {
-        copies::undo(scene);
         reason += &format!(", but sharing them saves only {}", bytes(saved));
     }
     if let Some(cost) = cost_of_all {
@@ -132,7 +144,7 @@ fn apply(
         let left_out: Vec<CopiedMesh> = found.list.iter().filter(|c| !is_shared.contains(&c.mesh)).cloned().collect();
         reason += &format!("; {}, left out: with them {}", words(&left_out), looser(cost));
     }
-    (if applied { metrics } else { before.clone() }, applied, reason)
+    (applied.then_some((overlay, metrics)), reason)
 }
 
 fn words(list: &[CopiedMesh]) -> String {
@@ -146,6 +158,7 @@ fn words(list: &[CopiedMesh]) -> String {
 /// Copies that are shared in a scene.
 struct Part {
     shared: Copies,
+    overlay: Overlay,
     metrics: Metrics,
     /// The predicted cost of sharing all there are, if that is too much.
     cost_of_all: Option<f64>,
@@ -155,7 +168,7 @@ struct Part {
 /// that save most bytes for what they cost. What is turned and not shared is still shared with what equals it exactly.
 fn best_part(
     doc: &Document,
-    scene: &mut Scene,
+    scene: &Scene,
     trees: &MeshTrees,
     before: &Metrics,
     found: &Copies,
@@ -163,25 +176,25 @@ fn best_part(
 ) -> Part {
     let per = options.verify.build.blas_per;
     let fits = |metrics: &Metrics| metrics.two_level_cost <= MOST_COST_RATIO * before.two_level_cost;
-    copies::apply(scene, found);
-    let all = measure_with(scene, trees, per);
+    let overlay = found.overlay(scene);
+    let with_all = scene.overlaid(&overlay);
+    let all = measure_with(&with_all, trees, per);
     if fits(&all) {
-        return Part { shared: found.clone(), metrics: all, cost_of_all: None };
+        return Part { shared: found.clone(), overlay, metrics: all, cost_of_all: None };
     }
-    let costs_with = turned::costs_of_instances(scene, trees, per);
-    copies::undo(scene);
+    let costs_with = turned::costs_of_instances(&with_all, trees, per);
     let costs_without = turned::costs_of_instances(scene, trees, per);
     let classes = turned::classes(scene, found, [&costs_without, &costs_with]);
     let mut count = turned::affordable(&classes, (MOST_COST_RATIO - 1.0) * before.two_level_cost);
     // What the TLAS makes of looser boxes is in no class's cost: fewer are tried where it takes the rest beyond the limit.
     loop {
         let shared = without(doc, scene, found, &classes[count..], options.verify.max_position_error_ratio);
-        copies::apply(scene, &shared);
-        let metrics = if shared.list.is_empty() { before.clone() } else { measure_with(scene, trees, per) };
+        let overlay = shared.overlay(scene);
+        let metrics =
+            if overlay.is_empty() { before.clone() } else { measure_with(&scene.overlaid(&overlay), trees, per) };
         if count == 0 || fits(&metrics) {
-            return Part { shared, metrics, cost_of_all: Some(all.two_level_cost) };
+            return Part { shared, overlay, metrics, cost_of_all: Some(all.two_level_cost) };
         }
-        copies::undo(scene);
         count /= FEWER;
     }
 }
@@ -223,12 +236,13 @@ mod tests {
 
     #[test]
     fn copies_are_placed_where_their_model_is() {
-        let mut scene = scene(vec![cube(0, None), cube(1, None)], &[0, 1].map(|mesh| (mesh, DAffine3::IDENTITY)));
+        let scene = scene(vec![cube(0, None), cube(1, None)], &[0, 1].map(|mesh| (mesh, DAffine3::IDENTITY)));
         let copy = CopiedMesh { mesh: MeshId(1), model: MeshId(0), motion: DAffine3::IDENTITY, order: None };
         let placed =
             |scene: &Scene, method| are_placed(scene, &methods::run(method, scene, &methods::Options::default()));
         assert!(!placed(&scene, Method::Keep));
-        copies::apply(&mut scene, &Copies { list: vec![copy], most_saved_bytes: None });
-        assert!(placed(&scene, Method::Keep) && !placed(&scene, Method::Single));
+        let overlay = Copies { list: vec![copy], most_saved_bytes: None }.overlay(&scene);
+        let shared = scene.overlaid(&overlay);
+        assert!(placed(&shared, Method::Keep) && !placed(&shared, Method::Single));
     }
 }

@@ -4,6 +4,7 @@ mod clock;
 mod copies;
 mod turned;
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -25,6 +26,7 @@ use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
 use crate::verify::{Machine, Sides, Verification, VerifyOptions};
 use clock::Clock;
+use copies::Sharing;
 
 /// What a bake may be told.
 #[derive(Clone, Debug, Default)]
@@ -106,8 +108,8 @@ pub fn bake(
     clock.enter(Stage::Verify);
     let machine = Machine::open(&options.verify.device)?;
     clock.enter(Stage::Read);
-    let mut doc = input.read()?;
-    let (mut scene, scene_warnings) = scene::load(&doc, &options.load)?;
+    let doc = input.read()?;
+    let (scene, scene_warnings) = scene::load(&doc, &options.load)?;
     scene.check().map_err(|e| CommandError::Internal(e.0))?;
 
     clock.enter(Stage::Analyse);
@@ -116,12 +118,12 @@ pub fn bake(
     let before = measure_with(&scene, &trees, blas_per);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
-    let (shared, copies) = copies::share(&doc, &mut scene, &trees, &before, options);
-    let chosen = choose::choose(&scene, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
+    let Sharing { staged, metrics: shared, pass: copies } = copies::share(&doc, &scene, &trees, &before, options);
+    let chosen = choose::choose(&staged, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
-    let mut scene = scene.overlaid(&chosen.overlay).into_owned();
-    let copies_are_placed = copies::are_placed(&scene, &chosen.layout);
-    let given = Given { doc: &mut doc, scene: &mut scene, trees: &trees };
+    let copies_are_placed = copies::are_placed(&staged, &chosen.layout);
+    let (path, warnings) = (doc.path.clone(), [scene_warnings, doc.warnings.clone()].concat());
+    let given = Given { doc, scene: &scene, staged, trees: &trees };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
     let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
@@ -137,7 +139,7 @@ pub fn bake(
     let mut report = BakeReport {
         schema: BakeReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
-        input: Input::of(doc.path.clone(), &scene),
+        input: Input::of(path, &scene),
         output: output.to_owned(),
         verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class),
         options: options.told(),
@@ -161,7 +163,7 @@ pub fn bake(
         peak_memory_bytes: None,
         output_bytes: written.staged.bytes(),
         copied: written.copied,
-        warnings: words_of(&[scene_warnings, doc.warnings.clone(), written.staged.warnings.clone()].concat()),
+        warnings: words_of(&[warnings, written.staged.warnings.clone()].concat()),
     };
     report.seconds = clock.stop();
     report.peak_memory_bytes = clock::peak_memory_bytes();
@@ -175,8 +177,10 @@ fn words_of(all: &[impl ToString]) -> Vec<String> {
 
 /// The input.
 struct Given<'a> {
-    doc: &'a mut Document,
-    scene: &'a mut Scene,
+    doc: Document,
+    scene: &'a Scene,
+    /// The scene that was laid out, in which meshes may stand in for copies.
+    staged: Cow<'a, Scene>,
     /// The trees of its meshes.
     trees: &'a MeshTrees,
 }
@@ -195,44 +199,45 @@ struct Tried {
 impl Tried {
     /// Tries a layout; the input as it is instead where the layout was measured to be faster and is not after all.
     fn or_left_alone(
-        mut given: Given,
+        given: Given,
         chosen: Chosen,
         output: &Path,
         machine: &Machine,
         options: &BakeOptions,
         clock: &mut Clock,
     ) -> Result<(Chosen, Tried), CommandError> {
-        let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
-        if tried.verdict != Verdict::NotFaster || !can_be_left_alone(&chosen) {
-            return Ok((chosen, tried));
-        }
-        let chosen = chosen.left_alone(given.scene);
+        let Given { doc, scene, staged, trees } = given;
+        clock.enter(Stage::Write);
+        let written = write(&doc, &staged.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
+        drop(staged);
+        // Verification needs the memory of what will not be written again.
+        let doc = can_be_left_alone(&chosen).then_some(doc);
+        clock.enter(Stage::Verify);
+        let tried = Tried::new((scene, trees), written, &chosen, output, machine, options)?;
+        let Some(doc) = doc.filter(|_| tried.verdict == Verdict::NotFaster) else { return Ok((chosen, tried)) };
         drop(tried);
-        let tried = Tried::new(&mut given, &chosen, output, machine, options, clock)?;
+        let chosen = chosen.left_alone(scene);
+        clock.enter(Stage::Write);
+        let written = write(&doc, &scene.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
+        drop(doc);
+        clock.enter(Stage::Verify);
+        let tried = Tried::new((scene, trees), written, &chosen, output, machine, options)?;
         Ok((chosen, tried))
     }
 
-    /// Writes a layout and holds it against the input as it was read, without meshes that stand in for copies.
+    /// Holds what was written against the input as it was read, without meshes that stand in for copies.
     fn new(
-        Given { doc, scene, trees }: &mut Given,
+        (scene, trees): (&Scene, &MeshTrees),
+        written: Written,
         chosen: &Chosen,
         output: &Path,
         machine: &Machine,
         options: &BakeOptions,
-        clock: &mut Clock,
     ) -> Result<Tried, CommandError> {
-        clock.enter(Stage::Write);
-        let written = write(doc, scene, &chosen.layout, output, &options.emit())?;
-        crate::copies::undo(scene);
-        if !can_be_left_alone(chosen) {
-            // Nothing is written again; the scene has all that rays need.
-            doc.buffers.clear();
-        }
-        clock.enter(Stage::Verify);
         let after = read_back(&written, output)?;
         let after_trees = trees.build_for(scene, &after, &chosen.trees);
-        let scenes = Sides { before: &**scene, after: &after };
-        let trees_of_both = Sides { before: *trees, after: &after_trees };
+        let scenes = Sides { before: scene, after: &after };
+        let trees_of_both = Sides { before: trees, after: &after_trees };
         let verification = machine.verify_with(scenes, trees_of_both, &options.verify)?;
         let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
         Ok(Tried { written, after, trees: after_trees, verification, verdict })

@@ -79,7 +79,7 @@ pub(super) fn affordable(classes: &[Class], most_added_cost: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::copies::{CopiedMesh, apply, undo};
+    use crate::copies::CopiedMesh;
     use crate::verify::test_scenes::{cube, scene};
     use glam::{DAffine3, DMat3, DVec3};
 
@@ -100,7 +100,7 @@ mod tests {
         points.for_each(|p| *p = turn.transform_point3(p.as_dvec3()).as_vec3());
         let meshes = vec![cube(0, None), cube(1, None), turned, cube(3, None)];
         let at = |mesh: u32| (mesh, DAffine3::from_translation(DVec3::X * 9.0 * f64::from(mesh)));
-        let mut scene = scene(meshes, &[0, 1, 2, 3].map(at));
+        let scene = scene(meshes, &[0, 1, 2, 3].map(at));
         let copies = Copies {
             list: vec![copy(1, 0, DAffine3::IDENTITY), copy(2, 0, turn), copy(3, 0, quarter)],
             most_saved_bytes: None,
@@ -108,9 +108,7 @@ mod tests {
         assert_eq!([0, 1, 2].map(|i: usize| copies.list[i].keeps_boxes()), [true, false, true]);
         let costs = |scene: &Scene| costs_of_instances(scene, &MeshTrees::default(), BlasPer::Mesh);
         let before = costs(&scene);
-        apply(&mut scene, &copies);
-        let after = costs(&scene);
-        undo(&mut scene);
+        let after = costs(&scene.overlaid(&copies.overlay(&scene)));
         let classes = classes(&scene, &copies, [&before, &after]);
         assert_eq!(
             classes.iter().map(|c| (c.model, c.saved_bytes)).collect::<Vec<_>>(),

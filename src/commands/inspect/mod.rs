@@ -19,16 +19,16 @@ pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, r
     let doc = source.read()?;
     let (scene, warnings) = scene::load(&doc, options)?;
     let boxes = scene.instance_boxes();
-    let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
+    let all = scene.bounds();
     let worst_pairs: Vec<OverlappingPair> =
-        worst_pairs(&boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
+        worst_pairs(boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
     Ok(InspectReport {
         schema: InspectReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
         input: Input::of(doc.path.clone(), &scene),
         before: measure_as_is(&scene),
         rules_checked: rules::CHECKED.to_vec(),
-        findings: rules::findings(&scene, &boxes, &all, &worst_pairs),
+        findings: rules::findings(&scene, &worst_pairs),
         worst_pairs,
         warnings: doc.warnings.iter().chain(&warnings).map(ToString::to_string).collect(),
     })

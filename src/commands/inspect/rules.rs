@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::name_of;
 use crate::cost::bytes;
 use crate::report::{Broken, Finding, OverlappingPair, Severity};
-use crate::scene::{Bounds, Mesh, Scene};
+use crate::scene::{Mesh, Scene};
 
 /// A pair is worth a finding when its overlap over the scene's area exceeds this (the thesis's skip threshold).
 const OVERLAP_RATIO: f64 = 0.005;
@@ -28,14 +28,14 @@ const LOOSE_SCALE: f64 = 4.0;
 pub(super) const CHECKED: [&str; 9] = ["RK001", "RK003", "RK008", "RK010", "RK011", "RK012", "RK013", "RK015", "RK016"];
 
 /// All findings, in the order of the rules' ids.
-pub(super) fn findings(scene: &Scene, boxes: &[Bounds], all: &Bounds, worst: &[OverlappingPair]) -> Vec<Finding> {
+pub(super) fn findings(scene: &Scene, worst: &[OverlappingPair]) -> Vec<Finding> {
     let mut found = overlapping(worst);
     found.extend(duplicates(scene));
     found.extend(scene.meshes.iter().filter_map(degenerate));
     found.extend(limits(scene));
     found.extend(loose_transforms(scene));
-    found.extend(far_from_origin(all));
-    found.extend(tiny(scene, boxes));
+    found.extend(far_from_origin(scene));
+    found.extend(tiny(scene));
     found
 }
 
@@ -140,14 +140,16 @@ fn singular_range(m: &glam::DMat3) -> (f64, f64) {
     (smallest.max(0.0).sqrt(), largest.max(0.0).sqrt())
 }
 
-fn far_from_origin(all: &Bounds) -> Option<Finding> {
+fn far_from_origin(scene: &Scene) -> Option<Finding> {
+    let all = scene.bounds();
     let farthest = all.min.abs().max(all.max.abs()).max_element();
     let broken = Broken::Far { farthest, most: LARGEST_COORDINATE };
     (farthest > LARGEST_COORDINATE).then(|| Finding::new("RK015", Severity::Warning, "", &broken))
 }
 
-fn tiny(scene: &Scene, boxes: &[Bounds]) -> Option<Finding> {
-    let tiny = || scene.instances.iter().zip(boxes).filter(|(_, b)| b.size().max_element() < SMALLEST_EXTENT);
+fn tiny(scene: &Scene) -> Option<Finding> {
+    let tiny =
+        || scene.instances.iter().zip(scene.instance_boxes()).filter(|(_, b)| b.size().max_element() < SMALLEST_EXTENT);
     let (first, _) = tiny().next()?;
     let broken = Broken::Tiny { instances: tiny().count(), least: SMALLEST_EXTENT };
     Some(Finding::new("RK016", Severity::Info, name_of(first), &broken))
@@ -172,7 +174,6 @@ mod tests {
             source_node: i as u32,
             source_copy: None,
             source_index: 0,
-            stand_in: None,
             copy: 0,
             mesh: MeshId(i as u32),
             transform: *t,
@@ -186,9 +187,7 @@ mod tests {
     }
 
     fn rules(scene: &Scene) -> Vec<&'static str> {
-        let boxes = scene.instance_boxes();
-        let all = boxes.iter().fold(Bounds::EMPTY, |all, b| all.union(b));
-        findings(scene, &boxes, &all, &[]).iter().map(|f| f.rule).collect()
+        findings(scene, &[]).iter().map(|f| f.rule).collect()
     }
 
     #[test]

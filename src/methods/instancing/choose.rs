@@ -126,7 +126,7 @@ impl Candidates {
     fn look(&mut self, scene: &Scene, options: &InstanceOptions, uses: &[usize]) {
         let boxes = scene.instance_boxes();
         let areas: f64 = self.meshes.iter().flat_map(|m| &m.instances).map(|i| boxes[i.0 as usize].area()).sum();
-        let overlaps = overlap::shared_area(&boxes) > APART * areas;
+        let overlaps = overlap::shared_area(boxes) > APART * areas;
         if !overlaps {
             self.are_apart = true;
             return;

@@ -183,7 +183,6 @@ mod tests {
             source_node: 0,
             source_copy: None,
             source_index: 0,
-            stand_in: None,
             copy: 0,
             mesh: MeshId(mesh),
             transform,

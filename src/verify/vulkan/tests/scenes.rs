@@ -70,7 +70,6 @@ pub(super) fn scene(meshes: Vec<Mesh>, placed: impl IntoIterator<Item = (u32, DA
         source_node: 0,
         source_copy: None,
         source_index: 0,
-        stand_in: None,
         copy: 0,
         mesh: MeshId(mesh),
         transform,
