@@ -36,8 +36,11 @@ fn layouts(scene: &Scene) -> Vec<(String, Layout)> {
     layouts
 }
 
+/// The bits of the positions of a geometry, and its triangles.
+type GeometryBits<'a> = (Vec<[u32; 3]>, &'a [[u32; 3]]);
+
 /// Positions, bit for bit, and triangles of each geometry of a mesh.
-fn content(mesh: &Mesh) -> Vec<(Vec<[u32; 3]>, &[[u32; 3]])> {
+fn content(mesh: &Mesh) -> Vec<GeometryBits<'_>> {
     let bits = |g: &scene::Geometry| g.positions.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
     mesh.geometries.iter().map(|g| (bits(g), g.triangles.as_slice())).collect()
 }

@@ -129,7 +129,7 @@ fn select(scene: &Scene, chosen: &[Candidate]) -> Selection {
 
 fn note(left: &[Candidate], limit: Limit) -> Option<Note> {
     let instances: u64 = left.iter().map(|c| c.instances).sum();
-    (instances > 0).then(|| Note::BeyondLimit { instances, meshes: left.len(), limit })
+    (instances > 0).then_some(Note::BeyondLimit { instances, meshes: left.len(), limit })
 }
 
 #[cfg(test)]
