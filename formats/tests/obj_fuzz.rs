@@ -107,7 +107,7 @@ fn every_truncation_gives_a_document_or_an_error() {
     }
     for end in 0..MTL.len() {
         let files = [("scene.obj", OBJ.as_bytes()), ("scene.mtl", &MTL.as_bytes()[..end])];
-        check(&try_read_in(folder.path(), &files).expect("a broken library is no error"));
+        check(&try_read_in(folder.path(), &files).expect("a broken library is not an error"));
     }
 }
 

@@ -13,7 +13,7 @@ use crate::emit::{self, Refuse};
 use crate::layout::{self, Content, Layout, PlacedTrees, as_built};
 use crate::methods::{self, Cache};
 use crate::scene::{Bounds, Overlay, Pinned, Scene};
-use crate::verify::Lap;
+use crate::verify::RaceResult;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
 
@@ -30,7 +30,7 @@ pub(super) struct Candidate {
     /// Longest side of the world box of such a group, in world units; 0 where the user sets no bound on it.
     pub(super) longest_group: f64,
     /// How it did on a device.
-    pub(super) lap: Option<Lap>,
+    pub(super) lap: Option<RaceResult>,
     /// Its speed over that of the input where it was timed briefly, which compares with others that were, and no more.
     pub(super) brief: Option<f64>,
     pub(super) seconds: f64,
@@ -55,19 +55,19 @@ pub(crate) struct Laid {
 }
 
 /// The scene of a layout before its axes are turned.
-pub(super) struct Straight {
+pub(super) struct StoredUnturned {
     of: Arc<Layout>,
     scene: Scene,
     /// For each mesh whether it is new.
     is_rewritten: Vec<bool>,
 }
 
-impl Straight {
-    fn new(scene: &Scene, of: &Arc<Layout>) -> Straight {
+impl StoredUnturned {
+    fn new(scene: &Scene, of: &Arc<Layout>) -> StoredUnturned {
         let mut layout = Layout::clone(of);
         layout::order_by_tree(scene, &mut layout);
         let is_rewritten = layout.groups.iter().map(|g| !g.content.is_kept()).collect();
-        Straight { of: of.clone(), scene: layout::stored(scene, &layout), is_rewritten }
+        StoredUnturned { of: of.clone(), scene: layout::stored(scene, &layout), is_rewritten }
     }
 }
 
@@ -79,10 +79,10 @@ impl Laid {
     }
 
     /// The scene as it would be written, made of the last one where that differs by its axes alone.
-    pub(super) fn written_after(&self, scene: &Scene, last: &Mutex<Option<Straight>>) -> Scene {
+    pub(super) fn written_after(&self, scene: &Scene, last: &Mutex<Option<StoredUnturned>>) -> Scene {
         let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
         let known = last.take().filter(|known| Arc::ptr_eq(&known.of, &self.layout));
-        let straight = known.unwrap_or_else(|| Straight::new(scene, &self.layout));
+        let straight = known.unwrap_or_else(|| StoredUnturned::new(scene, &self.layout));
         let written = layout::turn_stored(&straight.scene, &straight.is_rewritten, self.axes);
         *last = Some(straight);
         written

@@ -202,7 +202,7 @@ mod tests {
     use crate::methods::{Method, Options};
     use crate::scene::Overlay;
     use crate::verify::speed::KindSpeed;
-    use crate::verify::{Lap, PerKind};
+    use crate::verify::{PerKind, RaceResult};
 
     fn candidate(
         name: &'static str,
@@ -252,7 +252,7 @@ mod tests {
     fn timed(mut candidate: Candidate, speedup_ratio: f64) -> Candidate {
         let kind =
             KindSpeed { before_mrays_per_s: 1.0, after_mrays_per_s: speedup_ratio, speedup_ratio, spread_ratio: 0.01 };
-        candidate.lap = Some(Lap { kinds: PerKind::of(|_| kind), built: None });
+        candidate.lap = Some(RaceResult { kinds: PerKind::of(|_| kind), built: None });
         candidate
     }
 

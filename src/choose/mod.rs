@@ -31,7 +31,7 @@ use crate::tree::Tree;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 use crate::verify::weights::Overall;
-use crate::verify::{Care, Machine, MachineKind, VerifyOptions};
+use crate::verify::{Machine, MachineKind, Timing, VerifyOptions};
 use bounds::Bounds;
 use candidate::{Candidate, Known};
 pub(crate) use candidate::{Laid, lay_out};
@@ -225,7 +225,7 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let Evaluated { mut candidates, placed, held_back } = choosing.evaluate(scene, &plans);
     let start = Instant::now();
     let contenders = decide::contenders(&candidates, options.effort);
-    let mut raced = choosing.race(scene, &mut candidates, &contenders, Care::Full);
+    let mut raced = choosing.race(scene, &mut candidates, &contenders, Timing::Full);
     if let Ok(count) = &mut raced {
         *count += choosing.refine(scene, &mut candidates, &bounds);
     }
@@ -336,7 +336,7 @@ impl Choosing<'_> {
         scene: &Scene,
         candidates: &mut [Candidate],
         chosen: &[usize],
-        care: Care,
+        care: Timing,
     ) -> Result<usize, NotTimed> {
         if chosen.is_empty() {
             return Err(NotTimed::NothingDiffers);
@@ -351,8 +351,8 @@ impl Choosing<'_> {
                 Ok(lap) => {
                     let candidate = &mut candidates[i];
                     match care {
-                        Care::Brief => candidate.brief = Some(weights.overall(&lap.kinds).speedup_ratio),
-                        Care::Full => candidate.lap = Some(lap),
+                        Timing::Brief => candidate.brief = Some(weights.overall(&lap.kinds).speedup_ratio),
+                        Timing::Full => candidate.lap = Some(lap),
                     }
                     count += 1;
                 }
@@ -379,12 +379,12 @@ impl Choosing<'_> {
             };
             near.retain(|new| !candidates.iter().any(|known| known.laid.is_same(&new.laid)));
             let all: Vec<usize> = (0..near.len()).collect();
-            let care = if matches!(round, Round::Axes { .. }) { Care::Brief } else { Care::Full };
+            let care = if matches!(round, Round::Axes { .. }) { Timing::Brief } else { Timing::Full };
             count += self.race(scene, &mut near, &all, care).unwrap_or(0);
-            if care == Care::Brief {
+            if care == Timing::Brief {
                 let best = refine::worth_a_closer_look(&near);
                 // None of them is less well known than before if that fails.
-                let _ = self.race(scene, &mut near, &best, Care::Full);
+                let _ = self.race(scene, &mut near, &best, Timing::Full);
             }
             candidates.extend(near);
         }

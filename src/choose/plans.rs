@@ -88,7 +88,7 @@ const PLANS: [Entry; 38] = [
     (3, "cluster, entry 15, instances chosen", Method::Cluster, |o| {
         (o.instances.entry_cost, o.instances.shared) = (15.0, Instances::Choose)
     }),
-    (3, "cluster by rays, entry 16", Method::Cluster, |o| by_rays(o, 16.0)),
+    (3, "cluster by rays, entry 16", Method::Cluster, |o| cut_by_rays(o, 16.0)),
     (3, "cluster by rays, entry 8, without units", Method::Cluster, |o| without_units(o, 8.0)),
     (3, "single, instances in 12 pieces", Method::Single, |o| in_pieces(o, 12)),
     (3, "single, instances in 20 pieces", Method::Single, |o| in_pieces(o, 20)),
@@ -102,39 +102,39 @@ const PLANS: [Entry; 38] = [
     (4, "cluster, entry 15, extent 0.5", Method::Cluster, |o| in_boxes(o, 15.0, 0.5)),
     (4, "cluster, entry 15, isolated", Method::Cluster, |o| (o.instances.entry_cost, o.parts.isolate) = (15.0, true)),
     (4, "cluster by rays, entry 2, divided", Method::Cluster, |o| {
-        by_rays(o, 2.0);
+        cut_by_rays(o, 2.0);
         o.cluster.search.divide = true;
     }),
     (4, "cluster by rays, entry 16, at most 65,536 triangles", Method::Cluster, |o| {
-        by_rays(o, 16.0);
+        cut_by_rays(o, 16.0);
         let most = &mut o.cluster.max_group_triangles;
         *most = Some(most.unwrap_or(u32::MAX).min(1 << 16));
     }),
-    (4, "cluster by rays, entry 12", Method::Cluster, |o| by_rays(o, 12.0)),
+    (4, "cluster by rays, entry 12", Method::Cluster, |o| cut_by_rays(o, 12.0)),
     (5, "cluster by rays, entry 20, without units", Method::Cluster, |o| without_units(o, 20.0)),
-    (5, "cluster by rays, entry 4", Method::Cluster, |o| by_rays(o, 4.0)),
-    (5, "cluster by rays, entry 25", Method::Cluster, |o| by_rays(o, 25.0)),
+    (5, "cluster by rays, entry 4", Method::Cluster, |o| cut_by_rays(o, 4.0)),
+    (5, "cluster by rays, entry 25", Method::Cluster, |o| cut_by_rays(o, 25.0)),
     (5, "cluster, entry 15, opacity split", Method::Cluster, |o| {
         (o.instances.entry_cost, o.parts.split_opacity) = (15.0, true)
     }),
     (5, "cluster, entry 2", Method::Cluster, |o| o.instances.entry_cost = 2.0),
     (5, "cluster, entry 15, extent 0.125", Method::Cluster, |o| in_boxes(o, 15.0, 0.125)),
     (6, "cluster, entry 80", Method::Cluster, |o| o.instances.entry_cost = 80.0),
-    (6, "cluster by rays, entry 8", Method::Cluster, |o| by_rays(o, 8.0)),
+    (6, "cluster by rays, entry 8", Method::Cluster, |o| cut_by_rays(o, 8.0)),
     (6, "cluster by rays, entry 12, without units", Method::Cluster, |o| without_units(o, 12.0)),
-    (6, "cluster by rays, entry 40", Method::Cluster, |o| by_rays(o, 40.0)),
+    (6, "cluster by rays, entry 40", Method::Cluster, |o| cut_by_rays(o, 40.0)),
 ];
 
 /// By rays still to be found (see [`super::segments`]); one group keeps what gains nothing by leaving it.
-fn by_rays(options: &mut Options, entry_cost: f64) {
+fn cut_by_rays(options: &mut Options, entry_cost: f64) {
     options.instances.entry_cost = entry_cost;
     let search = &mut options.cluster.search;
     (search.segments, search.divide) = (Some(Arc::default()), false);
 }
 
-/// As [`by_rays`]; only subtrees leave.
+/// As [`cut_by_rays`]; only subtrees leave.
 fn without_units(options: &mut Options, entry_cost: f64) {
-    by_rays(options, entry_cost);
+    cut_by_rays(options, entry_cost);
     options.cluster.search.units = false;
 }
 

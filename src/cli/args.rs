@@ -22,7 +22,7 @@ use crate::verify::speed::MOST_REPEATS;
 use crate::verify::weights::Weights;
 use crate::verify::{DeviceChoice, Matching, VerifyOptions};
 
-/// Threads at most: those that have nothing to do look for work and hold up the others, the longer the more they are.
+/// Upper limit on threads: idle workers spin and slow the busy ones down.
 const MOST_THREADS: i64 = 512;
 
 /// Bakes scenes for hardware ray tracing: decides which triangles share a bottom-level acceleration structure
@@ -38,10 +38,10 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Args)]
 pub(super) struct Output {
-    /// Threads to use, from 1 to 512 [default: one for each core]
+    /// Number of threads, from 1 to 512 [default: one per core]
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub(super) threads: Option<u16>,
-    /// Print nothing but errors and what was asked for
+    /// Print only errors and the requested output
     #[arg(long, short, global = true)]
     pub(super) quiet: bool,
     /// Print more: every warning, every pass, every candidate
@@ -51,23 +51,23 @@ pub(super) struct Output {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    /// Choose a layout, write it, verify it, report
+    /// Choose a layout, write it, verify it and report
     #[command(after_help = BAKE_EXAMPLES)]
     Bake(Box<BakeArguments>),
-    /// Trace the same rays through two files of one scene and compare what they see
+    /// Trace the same rays through two files of one scene and compare the hits
     #[command(after_help = VERIFY_EXAMPLES)]
     Verify(Box<CompareArguments>),
-    /// Show what a scene is made of, what it costs, and which vendor rules it breaks
+    /// Show what a scene contains, what it costs to trace and which vendor rules it breaks
     Inspect(InspectArguments),
     #[cfg(feature = "lab")]
-    /// Lay out, trace and time many scenes in many layouts; fit the prices by which layouts are ranked
+    /// Time many layouts of many scenes and fit the cost model that ranks layouts
     #[command(after_help = "docs/lab.md describes the configuration and the tables.")]
     Lab {
-        /// What to do
+        /// Configuration of the experiment
         #[arg(value_name = "CONFIG.toml")]
         config: PathBuf,
     },
-    /// List the Vulkan devices, what they can do and what they lack to trace rays
+    /// List Vulkan devices, their limits, and which features for ray tracing they lack
     Devices {
         /// Print JSON instead of text
         #[arg(long)]
@@ -106,11 +106,11 @@ const VERIFY_EXAMPLES: &str = "Examples:
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArguments {
-    /// The scene held to be right: OBJ, glTF or GLB
+    /// Reference scene: OBJ, glTF or GLB
     pub(super) before: PathBuf,
-    /// The file to verify: OBJ, glTF or GLB
+    /// File to verify: OBJ, glTF or GLB
     pub(super) after: PathBuf,
-    /// How triangles of both files are matched
+    /// How to match the triangles of both files
     #[arg(long = "match", value_enum, value_name = "BY", default_value_t = MatchArgument::Auto)]
     pub(super) match_by: MatchArgument,
     /// Also write the report to FILE (.json); may be repeated
@@ -125,18 +125,18 @@ pub(super) struct CompareArguments {
 
 #[derive(Debug, Args)]
 pub(super) struct BakeArguments {
-    /// The scene: OBJ, glTF or GLB
+    /// Scene: OBJ, glTF or GLB
     pub(super) input: PathBuf,
-    /// Where to write the result: .glb, or .gltf with a .bin beside it
+    /// Output file: .glb, or .gltf with a .bin beside it
     #[arg(long, short)]
     pub(super) output: PathBuf,
     /// How to decide which triangles share a BLAS
     #[arg(long, value_enum, default_value_t = MethodArgument::Auto)]
     method: MethodArgument,
-    /// auto: how many candidates to look at, and how closely, from 0 to 6
+    /// auto: number of candidates to evaluate and precision of the evaluation, from 0 to 6
     #[arg(long, value_name = "LEVEL", default_value_t = Effort::default().level(), value_parser = clap::value_parser!(u8).range(0..=i64::from(Effort::MOST)))]
     effort: u8,
-    /// auto: what kind of device rays are predicted for where none is at hand to measure
+    /// auto: device class to predict for when no GPU is available
     #[arg(long, value_enum, default_value_t = ClassArgument::NoRtCores)]
     device_class: ClassArgument,
     /// Also write a report to FILE (.json); may be repeated
@@ -145,19 +145,19 @@ pub(super) struct BakeArguments {
     /// Print the report as JSON on standard output
     #[arg(long)]
     pub(super) json: bool,
-    /// Leave nodes and meshes whose name matches GLOB, and all nodes below, as they are; may be repeated
+    /// Do not restructure nodes and meshes whose name matches GLOB, nor the nodes below them; may be repeated
     #[arg(long, value_name = "GLOB")]
     keep: Vec<String>,
-    /// Refuse non-finite positions instead of dropping their triangles
+    /// Refuse files with non-finite positions instead of dropping the triangles
     #[arg(long)]
     strict: bool,
     /// Drop empty nodes that nothing refers to
     #[arg(long)]
     prune: bool,
-    /// How instances of one mesh are written
+    /// How to write the instances of one mesh
     #[arg(long, value_enum, value_name = "HOW", default_value_t = InstancingArgument::Nodes)]
     instancing: InstancingArgument,
-    /// Which meshes become instances of another that they are a copy of
+    /// Which copies of a mesh to replace by instances of it
     /// [default: rigid for auto, off otherwise]
     #[arg(long, value_enum, value_name = "LIKENESS")]
     copies: Option<CopiesArgument>,
@@ -170,44 +170,45 @@ pub(super) struct BakeArguments {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Layout options")]
 struct LayoutArguments {
-    /// bvh: tree nodes allowed over triangles of the scene
+    /// bvh: upper limit on tree nodes, per triangle of the scene
     #[arg(long, value_name = "RATIO", default_value_t = BvhOptions::default().nodes_per_triangle_ratio, value_parser = ratio)]
     nodes_per_triangle_ratio: f64,
-    /// bvh: do not split nodes whose box area over the scene's is below this
+    /// bvh: do not split a node if its box area over the scene's is below this
     #[arg(long, value_name = "RATIO", default_value_t = BvhOptions::default().min_area_ratio, value_parser = ratio)]
     min_area_ratio: f64,
-    /// overlap: leave pairs alone whose overlap area over the scene box's area is at most this
+    /// overlap: ignore pairs whose overlap area over the scene's box area is at most this
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().skip_overlap_ratio, value_parser = ratio)]
     skip_overlap_ratio: f64,
-    /// overlap: split pairs whose overlap over their joint box is below this, merge the others
+    /// overlap: split pairs whose overlap over their joint box is below this; merge the others
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().split_or_merge_ratio, value_parser = ratio)]
     split_or_merge_ratio: f64,
-    /// overlap: split both objects of a pair at their middle below this, at their overlap above it
+    /// overlap: split both objects of a pair in the middle below this, at their overlap above it
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().split_ratio, value_parser = ratio)]
     split_ratio: f64,
-    /// overlap: stop when the scene's overlap ratio falls below this
+    /// overlap: stop when the overlap ratio of the scene falls below this
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().termination_overlap_ratio, value_parser = ratio)]
     termination_overlap_ratio: f64,
     /// bvh, overlap: do not split objects with at most this many triangles
     #[arg(long, value_name = "N", default_value_t = OverlapOptions::default().min_triangles)]
     min_triangles: usize,
-    /// Leave instances instanced where writing them out would need more predicted BLAS and TLAS bytes than this times
-    /// the input's [default: 1.25 for auto, no limit otherwise]
+    /// Upper limit on predicted BLAS and TLAS bytes over the input's; instances stay instanced beyond it
+    /// [default: 1.25 for auto, no limit otherwise]
     #[arg(long, value_name = "RATIO", value_parser = positive_ratio)]
     max_bytes_ratio: Option<f64>,
-    /// What a method does with instances of meshes that several place
-    /// [default: bake-or-keep; auto: whatever pays]
+    /// What to do with meshes that are placed more than once
+    /// [default: bake-or-keep; auto: both are tried]
     #[arg(long, value_enum)]
     instances: Option<InstancesArgument>,
-    /// --instances choose: open all instances of a mesh into so many pieces, or none [default: as many pieces, and those
-    /// instances, as are predicted to cost least]
+    /// --instances choose: number of pieces into which all instances of a mesh are opened, or none of them
+    /// [default: the number and the instances with the lowest predicted cost]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64))]
     pieces: Option<u32>,
-    /// single, cluster: give objects that enclose the rest, or lie far outside it, groups of their own [default: false;
-    /// auto: where it pays]
+    /// single, cluster: put objects that enclose the rest or lie far outside it into groups of their own
+    /// [default: false; auto: both are tried]
     #[arg(long, value_name = "BOOL")]
     isolate: Option<bool>,
-    /// single, cluster: give triangles that are not opaque groups of their own [default: false; auto: where it pays]
+    /// single, cluster: put triangles that are not opaque into groups of their own
+    /// [default: false; auto: both are tried]
     #[arg(long, value_name = "BOOL")]
     split_opacity: Option<bool>,
     /// cluster, --instances choose: cost of entering an instance, in node-traversal steps
@@ -216,10 +217,11 @@ struct LayoutArguments {
     /// cluster, --instances choose: store groups in frames of their own
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     frames: bool,
-    /// cluster: most triangles of a group [default: no limit]
+    /// cluster: upper limit on triangles per group [default: no limit]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_group_triangles: Option<u32>,
-    /// cluster: longest side of a group's box over that of the scene's [default: no limit]
+    /// cluster: upper limit on the longest side of a group's box over that of the scene's box
+    /// [default: no limit]
     #[arg(long, value_name = "RATIO", value_parser = positive_ratio)]
     max_group_extent_ratio: Option<f64>,
 }
@@ -227,36 +229,36 @@ struct LayoutArguments {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Verification options")]
 pub(super) struct VerifyArguments {
-    /// Where to trace rays: `auto` (a GPU if there is one, else the CPU), `cpu`, or a Vulkan device by its index or a
-    /// part of its name (see `raykiln devices`)
+    /// Device that traces rays: `auto` (a GPU if there is one, else the CPU), `cpu`, or a Vulkan device by index or part
+    /// of its name (see `raykiln devices`)
     #[arg(long, default_value = "auto", value_name = "DEVICE")]
     device: String,
-    /// Rays of each kind to trace through both files, at most 16777216
-    /// [default: 16384 compared; as many timed, but 3686400 on a GPU]
+    /// Number of rays of each kind to trace through both files, at most 16777216
+    /// [default: 16384 compared and timed; 3686400 timed on a GPU]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_RAYS)))]
     rays: Option<u32>,
-    /// What each kind of rays counts for where one speed is wanted; kinds left out count nothing
+    /// Weight of each ray kind in the overall speed; omitted kinds weigh 0
     #[arg(long, value_name = "KIND=WEIGHT,...", default_value = "primary=1,shadow=1,diffuse=1,random=0")]
     weights: Weights,
-    /// How often to repeat the timing of each kind, at most 1000
+    /// Number of timed repeats of each ray kind, at most 1000
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().repeats, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_REPEATS)))]
     repeats: u32,
-    /// Seed of the rays
+    /// Seed of the random rays
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().seed)]
     seed: u64,
-    /// Largest distance a vertex may move, over the scene's diagonal
+    /// Largest distance that a vertex may move, over the scene's diagonal
     #[arg(long, value_name = "RATIO", default_value_t = VerifyOptions::default().max_position_error_ratio, value_parser = ratio)]
     max_position_error_ratio: f64,
-    /// What a Vulkan driver favours when it builds acceleration structures
+    /// What a Vulkan driver optimises for when it builds acceleration structures
     #[arg(long, value_enum, value_name = "FLAGS", default_value_t = PreferArgument::FastTrace)]
     build_flags: PreferArgument,
-    /// Build structures that can be refitted
+    /// Build acceleration structures that can be refitted
     #[arg(long)]
     allow_update: bool,
-    /// Compact BLASes
+    /// Compact BLASes after building
     #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
     compact: bool,
-    /// What goes into one BLAS: on the device, in what is predicted, and in the costs reported
+    /// Contents of one BLAS, on the device, in predictions and in reported costs
     #[arg(long, value_enum, value_name = "PART", default_value_t = BlasPerArgument::Mesh)]
     blas_per: BlasPerArgument,
 }
@@ -265,33 +267,33 @@ pub(super) struct VerifyArguments {
 enum InstancesArgument {
     /// Bake all instances of a mesh or none, as --max-bytes-ratio allows
     BakeOrKeep,
-    /// Keep, open into shared pieces or bake: what is predicted to cost least within --max-bytes-ratio
+    /// Keep, open into shared pieces or bake, whichever has the lowest predicted cost within --max-bytes-ratio
     Choose,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum MatchArgument {
-    /// By identity where AFTER says where its triangles come from and most of that fits BEFORE, else by surface
+    /// By identity if AFTER records where its triangles come from and most of that fits BEFORE, else by surface
     Auto,
-    /// By what AFTER says about where its triangles come from; all of them are compared, exactly
+    /// By the record in AFTER of where its triangles come from; every triangle is compared exactly
     Identity,
-    /// Not at all: only what rays see is compared
+    /// By rays only
     Surface,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum InstancingArgument {
-    /// Each as a node, but for copies that the input has by EXT_mesh_gpu_instancing and that are not written out
+    /// One node per instance; copies by EXT_mesh_gpu_instancing in the input stay unless they are written out
     Nodes,
-    /// As copies of one node, by EXT_mesh_gpu_instancing, where --max-position-error-ratio allows; then required of readers
+    /// Copies of one node by EXT_mesh_gpu_instancing, if --max-position-error-ratio allows; readers must support it
     Extension,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CopiesArgument {
-    /// Those with the same coordinates and attributes, triangles and vertices in any order
+    /// Copies with equal coordinates and attributes, in any order of triangles and vertices
     Exact,
-    /// Also those turned, moved, uniformly scaled or mirrored
+    /// Also copies that are rotated, moved, uniformly scaled or mirrored
     Rigid,
     /// None
     Off,
@@ -321,13 +323,13 @@ enum PreferArgument {
 enum BlasPerArgument {
     /// All geometries of a mesh
     Mesh,
-    /// Each geometry by itself, as some renderers do
+    /// One geometry, as some renderers build it
     Primitive,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArguments {
-    /// The scene: OBJ, glTF or GLB
+    /// Scene: OBJ, glTF or GLB
     pub(super) input: PathBuf,
     /// Also write the report to FILE (.json); may be repeated
     #[arg(long, value_name = "FILE")]
@@ -335,7 +337,7 @@ pub(super) struct InspectArguments {
     /// Print JSON instead of text
     #[arg(long)]
     pub(super) json: bool,
-    /// Refuse non-finite positions instead of dropping their triangles
+    /// Refuse files with non-finite positions instead of dropping the triangles
     #[arg(long)]
     pub(super) strict: bool,
 }
@@ -359,19 +361,19 @@ impl From<ClassArgument> for Class {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum MethodArgument {
-    /// The fastest of many candidates, the input as it is among them
+    /// The fastest of many candidates, which include the unchanged input
     Auto,
-    /// The input as it is
+    /// The unchanged input
     Keep,
-    /// One BLAS of all that may be restructured
+    /// One BLAS of everything that may be restructured
     Single,
-    /// One BLAS for each object and material; instances stay
+    /// One BLAS per object and material; instances stay
     PerObject,
-    /// Binned SAH splits of every object
+    /// Every object split by the binned surface area heuristic
     Bvh,
-    /// Split and merge objects until their boxes overlap little
+    /// Objects split and merged until their boxes overlap little
     Overlap,
-    /// Groups of least predicted cost, each stored in the frame that fits it best
+    /// Groups with the lowest predicted cost, each stored in the frame that fits it best
     Cluster,
 }
 

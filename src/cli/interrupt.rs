@@ -6,7 +6,7 @@
 /// From now on, Ctrl-C and the signals TERM and HUP remove staged files before they end the program. Those that it was
 /// started to ignore, as by `nohup`, it ignores.
 #[cfg(unix)]
-pub(super) fn heed() {
+pub(super) fn install_handlers() {
     use raykiln_formats::staging;
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::iterator::Signals;
@@ -31,7 +31,7 @@ pub(super) fn heed() {
 
 /// There are no such signals.
 #[cfg(not(unix))]
-pub(super) fn heed() {}
+pub(super) fn install_handlers() {}
 
 /// Where it cannot be known whether `nohup` asks to ignore it, the signal is left as it is.
 #[cfg(unix)]
@@ -49,7 +49,7 @@ fn is_ignored(signal: i32) -> bool {
 /// Ends the program as the signal does where nobody heeds it: a shell sees the status 128 + signal.
 #[cfg(unix)]
 fn end(signal: i32) -> ! {
-    // The first process of a container is not ended by signals that it does not heed.
+    // The first process of a container is not ended by signals that it does not install_handlers.
     if std::process::id() != 1 {
         let _ = signal_hook::low_level::emulate_default_handler(signal);
     }

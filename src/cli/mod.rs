@@ -37,7 +37,7 @@ pub fn run() -> ExitCode {
     let matches = Arguments::command().get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if arguments.command.reads_scenes() {
-        interrupt::heed();
+        interrupt::install_handlers();
     }
     let given = applies::given(&matches);
     let done = in_pool(arguments.output.threads, || dispatch(&arguments, &given));

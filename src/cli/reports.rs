@@ -65,7 +65,7 @@ fn check(file: &Path, taken: &[&Path]) -> Result<()> {
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "there is no folder {}", folder.display());
     ensure!(!file.is_dir(), "is a folder");
-    ensure!(file.is_file() || !file.exists(), "is no regular file");
+    ensure!(file.is_file() || !file.exists(), "is not a regular file");
     let place = place(file);
     ensure!(!taken.iter().any(|other| self::place(other) == place), "is the scene itself");
     Staged::new(file).with_context(|| format!("the folder {} cannot be written to", folder.display()))?;

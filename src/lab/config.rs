@@ -181,7 +181,7 @@ fn files(entry: &str, folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     } else {
         format!("{prefix}/{entry}")
     };
-    let matches = glob::glob(&pattern).map_err(|e| format!("`{entry}` is no glob: {e}"))?;
+    let matches = glob::glob(&pattern).map_err(|e| format!("`{entry}` is not a glob: {e}"))?;
     let mut found: Vec<PathBuf> = matches.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
     found.retain(|path| path.is_file());
     found.sort();

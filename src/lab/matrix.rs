@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
 use crate::verify::rays::{self, RayKind, Rays};
 use crate::verify::weights::Weights;
-use crate::verify::{Care, Lap, Machine, PerKind, VerifyOptions, race_on_cpu};
+use crate::verify::{Machine, PerKind, RaceResult, Timing, VerifyOptions, race_on_cpu};
 
 /// Layouts that come to the same, by the names of their plans.
 struct Entry {
@@ -44,7 +44,7 @@ pub(super) fn measure(
     let scene_of = |i: usize| entries[i].laid.written(scene);
     // Prices are fitted to all kinds of rays, whatever they count for elsewhere.
     let verify = VerifyOptions { weights: Weights(PerKind::of(|_| 1.0)), ..config.verify.clone() };
-    let laps = match machine.race(scene, entries.len(), scene_of, Care::Full, &verify) {
+    let laps = match machine.race(scene, entries.len(), scene_of, Timing::Full, &verify) {
         Some(laps) => laps?,
         None => race_on_cpu(scene, entries.len(), scene_of, &verify).into_iter().map(Ok).collect(),
     };
@@ -98,7 +98,7 @@ fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) 
 }
 
 /// Adds what a device measured.
-fn time(row: &mut Row, lap: &Lap) {
+fn time(row: &mut Row, lap: &RaceResult) {
     let finite = |x: f64| x.is_finite().then_some(x);
     for (kind, of) in row.kinds.iter_mut() {
         let speed = &lap.kinds[kind];

@@ -22,7 +22,7 @@ pub(super) fn check(out: &Path) -> Result<(), LabError> {
     let bad = |cause: &str| Err(LabError::file(out, cause));
     let parent = parent(out);
     match () {
-        () if out.exists() && !out.is_dir() => bad("is no folder"),
+        () if out.exists() && !out.is_dir() => bad("is not a folder"),
         () if !parent.is_dir() => bad(&format!("there is no folder {}", parent.display())),
         () if NAMES.iter().any(|name| out.join(name).is_dir()) => bad("holds a folder where a table belongs"),
         () => Folder::new_in(parent).map(|_| ()).map_err(|e| LabError::file(parent, e)),
@@ -71,7 +71,7 @@ pub(super) fn markdown(fit: &Fit, class: Class) -> String {
     if *device_kind != MachineKind::Gpu {
         text += "These were not timed on a GPU and say nothing of one.\n\n";
     }
-    text += "| kind | picoseconds a ray (T TLAS nodes, E entries, N BLAS nodes) | RMS relative error |\n| --- | --- | --- |\n";
+    text += "| kind | picoseconds per ray (T TLAS nodes, E entries, N BLAS nodes) | RMS relative error |\n| --- | --- | --- |\n";
     for k in &fit.kinds {
         let Prices { ray, top, entry, bottom } = k.prices;
         let error = 100.0 * k.rms_relative_error;
@@ -167,7 +167,8 @@ mod tests {
         fs::write(folder.path().join("file"), "").expect("writable");
         fs::create_dir_all(folder.path().join("out/fit.md")).expect("writable");
         assert!(check(&folder.path().join("new")).is_ok());
-        for (name, words) in [("file", "is no folder"), ("no/out", "there is no folder"), ("out", "holds a folder")] {
+        for (name, words) in [("file", "is not a folder"), ("no/out", "there is no folder"), ("out", "holds a folder")]
+        {
             let error = check(&folder.path().join(name)).expect_err(name).to_string();
             assert!(error.contains(words), "{error}");
         }

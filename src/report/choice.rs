@@ -92,7 +92,7 @@ fn best_allowed(input: &[Excess]) -> String {
 
 fn predicted(of_candidate: f64, of_input: f64) -> String {
     let [candidate, input] = [of_candidate, of_input].map(picoseconds);
-    format!("predicted to take {candidate} picoseconds a ray, the input {input}")
+    format!("predicted to take {candidate} picoseconds per ray, the input {input}")
 }
 
 /// Picoseconds, with as many digits as tell anything.

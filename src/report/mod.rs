@@ -7,8 +7,8 @@ mod findings;
 pub mod json;
 pub(crate) mod notes;
 mod passes;
+mod reported_options;
 pub mod text;
-mod told;
 pub mod verdict;
 mod verification;
 pub(crate) mod words;
@@ -17,7 +17,7 @@ pub use devices::{Device, DeviceLimits, DevicesReport};
 pub(crate) use findings::Broken;
 pub use findings::{Finding, Severity};
 pub use passes::Pass;
-pub use told::{Speed, Told};
+pub use reported_options::{ReportedOptions, Speed};
 
 use std::path::PathBuf;
 
@@ -46,7 +46,7 @@ pub struct BakeReport {
     /// Where the output went.
     pub output: PathBuf,
     /// What the bake was told.
-    pub options: Told,
+    pub options: ReportedOptions,
     /// What is taken to be one BLAS in `before`, `after` and all that is predicted.
     pub blas_per: BlasPer,
     /// The input's layout.

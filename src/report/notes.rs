@@ -130,7 +130,7 @@ pub(crate) fn built_per_primitive(metrics: Sides<&Metrics>, of_meshes: Sides<&Me
         format!("{before} before, {after} after")
     };
     format!(
-        "built as one BLAS a primitive, the two-level cost is {}; as one BLAS a mesh, {}",
+        "built as one BLAS per primitive, the two-level cost is {}; as one BLAS per mesh, {}",
         costs(metrics),
         costs(of_meshes)
     )

@@ -59,7 +59,7 @@ fn method(report: &BakeReport) -> String {
 fn before_and_after(per: BlasPer, metrics: Sides<&Metrics>, verification: &Verification, overall: &Speed) -> String {
     let heading = match per {
         BlasPer::Mesh => "",
-        BlasPer::Primitive => "built as one BLAS a primitive",
+        BlasPer::Primitive => "built as one BLAS per primitive",
     };
     let mut text = format!("\n{}\n", table(&[heading, "before", "after"], &comparison(metrics)));
     text += &structures(verification);
@@ -195,7 +195,7 @@ fn metric_rows(m: &Metrics) -> [(&'static str, String); 10] {
         ("SAH cost", format!("{:.2}", m.sah_cost)),
         ("two-level cost", format!("{:.2}", m.two_level_cost)),
         (
-            "boxes a surface point",
+            "boxes per surface point",
             format!("{:.2} (p95 {}, max {})", m.boxes_per_point_mean, m.boxes_per_point_p95, m.boxes_per_point_max),
         ),
         ("predicted bytes", format!("{} + {}", bytes(m.blas_bytes), bytes(m.tlas_bytes))),
@@ -217,7 +217,8 @@ fn rays(verify: &Verification, overall: &Speed) -> String {
             },
         ]
     };
-    let kinds = verify.kinds.iter().map(|(kind, speed)| (kind.name(), *speed)).chain([("all, as weighted", overall)]);
+    let kinds =
+        verify.kinds.iter().map(|(kind, speed)| (kind.name(), *speed)).chain([("weighted over ray kinds", overall)]);
     let rows: Vec<Vec<String>> = kinds.map(row).collect();
     let heading = format!("Mrays/s on {}", verify.device);
     table(&[&heading, "before", "after", "ratio"], &rows)

@@ -35,7 +35,7 @@ pub(super) fn measured(overall: &Speed, device: &str) -> String {
     if spread.is_infinite() {
         return format!("{ratio:.2} times the input's speed on {on}, by too few repeats to tell anything");
     }
-    let speed = format!("{ratio:.2} +- {spread:.2} times the input's speed, all kinds of rays as weighted");
+    let speed = format!("{ratio:.2} +- {spread:.2} times the input's speed, weighted over ray kinds");
     if overall.is_faster() {
         format!("measured faster on {on}: {speed}")
     } else if overall.is_slower() {
@@ -102,10 +102,7 @@ mod tests {
     #[test]
     fn what_was_measured_on_a_gpu_needs_no_caution() {
         let text = said(Verdict::Faster, speed(MachineKind::Gpu, 1.25, 0.01), DecidedBy::Measurement);
-        assert_eq!(
-            text,
-            "measured faster on a device: 1.25 +- 0.01 times the input's speed, all kinds of rays as weighted"
-        );
+        assert_eq!(text, "measured faster on a device: 1.25 +- 0.01 times the input's speed, weighted over ray kinds");
     }
 
     #[test]

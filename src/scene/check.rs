@@ -27,7 +27,7 @@ impl Scene {
                 return broken("has a transform that is not finite");
             }
             if !self.stands_in_soundly(InstanceId(i as u32)) {
-                return broken("stands in for a mesh that it is no copy of");
+                return broken("stands in for a mesh that it is not a copy of");
             }
         }
         Ok(())

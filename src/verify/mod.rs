@@ -39,11 +39,11 @@ pub use device::{DeviceChoice, DeviceError, Machine, MachineKind};
 use identity::Identity;
 pub use note::{Failure, FaultKind, Note, OpaqueTextures, WhyCpu};
 pub use per_kind::PerKind;
-pub use race::{Care, Lap, race_on_cpu};
+pub use race::{RaceResult, Timing, race_on_cpu};
 use serde::Serialize;
 pub use sides::{Side, Sides};
 use surface::Surfaces;
-pub use tracing::{Pace, Tracer, Tracers};
+pub use tracing::{TimingHints, Tracer, Tracers};
 pub use verdict::Verification;
 use weights::Weights;
 
@@ -62,7 +62,7 @@ pub struct VerifyOptions {
     pub build: BuildOptions,
     /// Number of compared rays for each of the four kinds.
     pub rays_per_kind: u32,
-    /// Number of timed rays for each kind; `None` for as many as suit the device ([`Pace::rays`]).
+    /// Number of timed rays for each kind; `None` for as many as suit the device ([`TimingHints::rays`]).
     pub timed_rays_per_kind: Option<u32>,
     /// Seed of the rays.
     pub seed: u64,

@@ -12,7 +12,7 @@ use crate::scene::Scene;
 
 /// The result of one contender.
 #[derive(Clone, Debug)]
-pub struct Lap {
+pub struct RaceResult {
     /// Its speed as the output, by ray kind, with that of the input.
     pub kinds: PerKind<KindSpeed>,
     /// Structures built for it; `None` if they say nothing about a device.
@@ -21,20 +21,20 @@ pub struct Lap {
 
 /// How thoroughly contenders are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Care {
+pub enum Timing {
     /// As in a verification.
     Full,
     /// With a quarter of the rays and three repeats, which suffices to preselect from many contenders.
     Brief,
 }
 
-impl Care {
+impl Timing {
     fn rays(self, rays: u32) -> u32 {
-        if self == Care::Brief { rays.div_ceil(4) } else { rays }
+        if self == Timing::Brief { rays.div_ceil(4) } else { rays }
     }
 
     fn repeats(self, repeats: u32) -> u32 {
-        if self == Care::Brief { repeats.min(3) } else { repeats }
+        if self == Timing::Brief { repeats.min(3) } else { repeats }
     }
 }
 
@@ -49,9 +49,9 @@ pub(super) fn race<T: Tracer>(
     before: &T,
     contenders: usize,
     enter: impl Fn(usize) -> Result<T, T::Error>,
-    care: Care,
+    care: Timing,
     options: &VerifyOptions,
-) -> Result<Vec<Result<Lap, T::Error>>, T::Error> {
+) -> Result<Vec<Result<RaceResult, T::Error>>, T::Error> {
     let count = care.rays(before.pace().timed(options));
     let mut rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
     for (kind, rays) in rays.kinds.iter_mut() {
@@ -72,9 +72,9 @@ pub(super) fn race<T: Tracer>(
                 kinds[kind] = KindSpeed::in_turns(rays.len(), &times.into());
             }
         }
-        Ok(Lap { kinds, built: tracer.built() })
+        Ok(RaceResult { kinds, built: tracer.built() })
     };
-    let mut laps: Vec<Result<Lap, T::Error>> = (0..contenders).map(lap).collect();
+    let mut laps: Vec<Result<RaceResult, T::Error>> = (0..contenders).map(lap).collect();
     level(&mut laps);
     Ok(laps)
 }
@@ -111,13 +111,13 @@ pub fn race_on_cpu(
     contenders: usize,
     scene_of: impl Fn(usize) -> Scene,
     options: &VerifyOptions,
-) -> Vec<Lap> {
+) -> Vec<RaceResult> {
     let trees = TwoLevel::build(before);
     let first = CpuTracer::new(&trees);
     // One at a time, so that the trees of one contender are freed before those of the next are built.
     let lap = |i| {
         let trees = TwoLevel::build(&scene_of(i));
-        let Ok(laps) = race(before, &first, 1, |_| Ok(CpuTracer::new(&trees)), Care::Full, options);
+        let Ok(laps) = race(before, &first, 1, |_| Ok(CpuTracer::new(&trees)), Timing::Full, options);
         laps.into_iter().map(|lap| lap.unwrap_or_else(|never| match never {}))
     };
     (0..contenders).flat_map(lap).collect()
@@ -141,7 +141,7 @@ fn prepared_ahead<R>(
 
 /// Gives all laps the same input speeds, the medians over all laps, and scales the contenders' speeds accordingly:
 /// while a device still raises its clock, the first laps are slow for input and contender alike.
-fn level<E>(laps: &mut [Result<Lap, E>]) {
+fn level<E>(laps: &mut [Result<RaceResult, E>]) {
     for kind in RayKind::ALL {
         let timed = laps.iter_mut().flatten().map(|lap| &mut lap.kinds[kind]).filter(|k| k.before_mrays_per_s > 0.0);
         let mut timed: Vec<_> = timed.collect();
@@ -167,9 +167,9 @@ impl Machine {
         before: &Scene,
         contenders: usize,
         scene_of: impl Fn(usize) -> Scene + Sync,
-        care: Care,
+        care: Timing,
         options: &VerifyOptions,
-    ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
+    ) -> Option<Result<Vec<Result<RaceResult, String>>, String>> {
         let device = self.device.as_ref()?;
         let laps = Pipelines::new(device).and_then(|pipelines| {
             let build = |scene: &Scene| VulkanTracer::new(&pipelines, scene, options.build);
@@ -183,7 +183,7 @@ impl Machine {
             }
         });
         let in_words =
-            |laps: Vec<Result<Lap, Error>>| laps.into_iter().map(|lap| lap.map_err(|e| e.to_string())).collect();
+            |laps: Vec<Result<RaceResult, Error>>| laps.into_iter().map(|lap| lap.map_err(|e| e.to_string())).collect();
         Some(laps.map(in_words).map_err(|e| e.to_string()))
     }
 
@@ -194,9 +194,9 @@ impl Machine {
         _: &Scene,
         _: usize,
         _: impl Fn(usize) -> Scene + Sync,
-        _: Care,
+        _: Timing,
         _: &VerifyOptions,
-    ) -> Option<Result<Vec<Result<Lap, String>>, String>> {
+    ) -> Option<Result<Vec<Result<RaceResult, String>>, String>> {
         None
     }
 }
@@ -214,7 +214,7 @@ mod tests {
         let lap = |before: f64, speedup_ratio: f64| {
             let idle = KindSpeed::default();
             let kind = KindSpeed { before_mrays_per_s: before, speedup_ratio, ..idle };
-            Ok::<_, Infallible>(Lap { kinds: [kind, idle, idle, idle].into(), built: None })
+            Ok::<_, Infallible>(RaceResult { kinds: [kind, idle, idle, idle].into(), built: None })
         };
         let mut laps = vec![lap(1.0, 3.0), lap(4.0, 1.0), lap(4.0, 2.0)];
         level(&mut laps);
@@ -244,7 +244,7 @@ mod tests {
             let weights = Weights(weights.into());
             let options = VerifyOptions { rays_per_kind: 64, repeats: 3, weights, ..VerifyOptions::default() };
             let enter = |_| Ok(CpuTracer::new(&trees));
-            let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, enter, Care::Brief, &options);
+            let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, enter, Timing::Brief, &options);
             assert_eq!(laps.len(), 2);
             for Ok(lap) in laps {
                 let kinds = lap.kinds.map(|k| k.after_mrays_per_s > 0.0);

@@ -40,7 +40,11 @@ impl KindSpeed {
             return KindSpeed::default();
         }
         let speedup_ratio = median(&ratios);
-        KindSpeed { speedup_ratio, spread_ratio: off(&ratios), ..KindSpeed::medians(count, before, after) }
+        KindSpeed {
+            speedup_ratio,
+            spread_ratio: half_confidence_interval(&ratios),
+            ..KindSpeed::medians(count, before, after)
+        }
     }
 
     /// Like [`KindSpeed::in_turns`], for times taken one after the other: nothing cancels a drift between the two, so
@@ -51,7 +55,8 @@ impl KindSpeed {
             return KindSpeed::default();
         }
         let medians = KindSpeed::medians(count, before, after);
-        let relative = off(before) / median(before) + off(after) / median(after);
+        let relative =
+            half_confidence_interval(before) / median(before) + half_confidence_interval(after) / median(after);
         KindSpeed { spread_ratio: medians.speedup_ratio * relative, ..medians }
     }
 
@@ -136,7 +141,7 @@ fn median(numbers: &[f64]) -> f64 {
 }
 
 /// Returns the uncertainty of the median of numbers.
-fn off(numbers: &[f64]) -> f64 {
+fn half_confidence_interval(numbers: &[f64]) -> f64 {
     match numbers.len() {
         n if n < FEWEST => f64::INFINITY,
         n => CONFIDENCE * deviation(numbers, median(numbers)) / (n as f64).sqrt(),
@@ -246,9 +251,9 @@ mod tests {
     fn without_turns_the_spreads_add_up() {
         let apart = KindSpeed::one_after_the_other(1_000_000, &[vec![1.0, 1.25, 1.0], vec![0.5, 0.5, 0.5]].into());
         assert_eq!((apart.before_mrays_per_s, apart.after_mrays_per_s, apart.speedup_ratio), (1.0, 2.0, 2.0));
-        assert_eq!(apart.spread_ratio, 2.0 * off(&[1.0, 1.25, 1.0]));
+        assert_eq!(apart.spread_ratio, 2.0 * half_confidence_interval(&[1.0, 1.25, 1.0]));
         let both = KindSpeed::one_after_the_other(1_000_000, &[vec![1.0, 1.25, 1.25], vec![1.0, 1.25, 1.25]].into());
-        assert!((both.spread_ratio - 2.0 * off(&[1.0, 1.25, 1.25]) / 1.25).abs() < 1e-12);
+        assert!((both.spread_ratio - 2.0 * half_confidence_interval(&[1.0, 1.25, 1.25]) / 1.25).abs() < 1e-12);
         assert!(!KindSpeed::one_after_the_other(1, &[vec![9.0; 2], vec![1.0; 2]].into()).differs());
     }
 

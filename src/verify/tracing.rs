@@ -22,8 +22,8 @@ pub trait Tracer {
     fn device(&self) -> String;
 
     /// Returns how its speed is best measured.
-    fn pace(&self) -> Pace {
-        Pace::default()
+    fn pace(&self) -> TimingHints {
+        TimingHints::default()
     }
 
     /// Prepares rays.
@@ -63,7 +63,7 @@ pub trait Tracer {
 
 /// How a tracer's speed is best measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Pace {
+pub struct TimingHints {
     /// Number of rays per kind that keeps it busy; `None` if the number of compared rays suffices.
     pub rays: Option<u32>,
     /// Default limit on the timed rays per kind: as many as a slow tracer can trace repeatedly.
@@ -72,7 +72,7 @@ pub struct Pace {
     pub most_warm_ups: u32,
 }
 
-impl Pace {
+impl TimingHints {
     /// Returns the number of timed rays per kind.
     pub(super) fn timed(&self, options: &VerifyOptions) -> u32 {
         let suitable = self.rays.unwrap_or(options.rays_per_kind).min(self.most_rays.unwrap_or(u32::MAX));

@@ -205,7 +205,7 @@ fn with_one_blas_a_primitive_costs_are_those_of_geometries() {
             assert_eq!(report[side]["mesh_groups"], report[side]["geometries"], "{method} {side}");
         }
         let notes = report["notes"].to_string();
-        assert!(notes.contains("one BLAS a primitive") && notes.contains("one BLAS a mesh"), "{method}: {notes}");
+        assert!(notes.contains("one BLAS per primitive") && notes.contains("one BLAS per mesh"), "{method}: {notes}");
     }
     let cost = |per: &str| {
         let (_out, report) = auto(&scene, &["--method", "single", "--blas-per", per]);

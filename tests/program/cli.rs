@@ -78,7 +78,7 @@ fn text_for_people_goes_to_stderr() {
     for word in ["before", "after", "overlap", "instances", "triangles"] {
         assert!(ran.stderr.contains(word), "{word} is missing in:\n{}", ran.stderr);
     }
-    assert!(!ran.stderr.contains('\u{1b}'), "no colours or progress bars where stderr is no terminal");
+    assert!(!ran.stderr.contains('\u{1b}'), "no colours or progress bars where stderr is not a terminal");
     assert_eq!(folder_names(folder.path()), ["out.glb"]);
 }
 

@@ -191,5 +191,5 @@ fn a_report_replaces_no_device() {
     let ran =
         raykiln(&["inspect", &scene, "--report", link.to_str().unwrap()]).stderr(Stdio::piped()).output().unwrap();
     let words = String::from_utf8_lossy(&ran.stderr);
-    assert!(ran.status.code() == Some(2) && words.contains("is no regular file"), "{words}");
+    assert!(ran.status.code() == Some(2) && words.contains("is not a regular file"), "{words}");
 }

@@ -56,7 +56,7 @@ fn two_scenes_give_tables_and_prices() {
 
     let (names, rows) = table(folder.path());
     for name in ["scene", "layout", "device_kind", "two_level_cost", "predicted_bytes", "shadow_blas_nodes"] {
-        assert!(names.iter().any(|n| n == name), "{name} is no column of {names:?}");
+        assert!(names.iter().any(|n| n == name), "{name} is not a column of {names:?}");
     }
     let lines = fs::read_to_string(tables.join("layouts.jsonl")).unwrap();
     let lines: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();

@@ -77,7 +77,11 @@ fn chunk(file: &Path, bytes: &[u8], start: usize, number: usize) -> Result<([u8;
     let place = format!("chunk {number}");
     let kind = bytes.get(start + 4..start + CHUNK_HEADER).and_then(|b| <[u8; 4]>::try_from(b).ok());
     let (Some(length), Some(kind)) = (word(bytes, start), kind) else {
-        return Err(Error::at(file, place, format!("truncated: {} bytes are no chunk header", bytes.len() - start)));
+        return Err(Error::at(
+            file,
+            place,
+            format!("truncated: {} bytes are too short for a chunk header", bytes.len() - start),
+        ));
     };
     let data = start + CHUNK_HEADER;
     match data.checked_add(length).filter(|end| *end <= bytes.len()) {

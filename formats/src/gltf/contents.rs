@@ -85,7 +85,7 @@ fn scenes(root: &At<'_>, nodes: &mut [Node]) -> Result<Vec<usize>, Error> {
         for at in scene.list("nodes")? {
             let node = at.index_into("nodes", nodes.len())?;
             if let Some(parent) = nodes[node].parent {
-                return Err(at.error(format_args!("nodes[{node}] is no root; it is a child of nodes[{parent}]")));
+                return Err(at.error(format_args!("nodes[{node}] is not a root; it is a child of nodes[{parent}]")));
             }
             if last_shown_by[node].replace(i) == Some(i) {
                 return Err(at.error(format_args!("nodes[{node}] is listed twice")));

@@ -105,12 +105,16 @@ impl<'v> At<'v> {
 
     /// Returns this value as a non-negative integer.
     pub(super) fn integer(&self) -> Result<usize, Error> {
-        unsigned(self.value).ok_or_else(|| self.error(format_args!("{} is no unsigned integer", Short(self.value))))
+        unsigned(self.value)
+            .ok_or_else(|| self.error(format_args!("expected an unsigned integer, found {}", Short(self.value))))
     }
 
     /// Returns this value as a finite number within the range of a 32-bit float.
     pub(super) fn number(&self) -> Result<f64, Error> {
-        let x = self.value.as_f64().ok_or_else(|| self.error(format_args!("{} is no number", Short(self.value))))?;
+        let x = self
+            .value
+            .as_f64()
+            .ok_or_else(|| self.error(format_args!("expected a number, found {}", Short(self.value))))?;
         if x.abs() <= f64::from(f32::MAX) {
             Ok(x)
         } else {
@@ -133,7 +137,7 @@ impl<'v> At<'v> {
 
     /// Returns this value as a string.
     pub(super) fn string(&self) -> Result<&'v str, Error> {
-        self.value.as_str().ok_or_else(|| self.error(format_args!("{} is no string", Short(self.value))))
+        self.value.as_str().ok_or_else(|| self.error(format_args!("expected a string, found {}", Short(self.value))))
     }
 
     /// Returns this value as a boolean.

@@ -83,8 +83,7 @@ fn triangles(
     }
     let count = indices.as_ref().map_or(position.count, |(_, indices)| indices.len());
     if mode == TRIANGLES && count % 3 != 0 {
-        warnings
-            .push(at.warning(format_args!("{count} corners are no whole number of triangles; the rest is ignored")));
+        warnings.push(at.warning(format_args!("{count} corners do not make whole triangles; the rest is ignored")));
     }
     let corners = match &indices {
         Some((_, indices)) => corners(mode, count, |i| indices[i]),

@@ -24,7 +24,7 @@ pub(super) fn provenance(doc: &Document, primitive: &At<'_>, triangles: usize) -
     let sources: Option<Vec<Source>> = sources.iter().map(source).collect();
     let sources = sources.ok_or("a source is malformed")?;
     let accessor = found.get("runs").and_then(|at| unsigned(at.value)).ok_or("\"runs\" is missing")?;
-    let numbers = scalars(doc, accessor).ok_or("\"runs\" is no sound accessor of unsigned integers")?;
+    let numbers = scalars(doc, accessor).ok_or("\"runs\" is not a sound accessor of unsigned integers")?;
     let runs = runs(&numbers, sources.len(), triangles)?;
     Ok(Some(Provenance::Runs { sources, runs }))
 }
@@ -90,7 +90,7 @@ impl<'d> NodeSources<'d> {
         let accessor = unsigned(runs.value).ok_or("\"runs\" is malformed")?;
         let doc = self.doc;
         let order = self.orders.entry(accessor).or_insert_with(|| order(doc, accessor).map(Arc::new)).clone();
-        order.map(Some).ok_or("\"runs\" is no sound accessor of pairs of unsigned integers")
+        order.map(Some).ok_or("\"runs\" is not a sound accessor of pairs of unsigned integers")
     }
 }
 

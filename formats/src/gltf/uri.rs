@@ -64,7 +64,7 @@ pub(super) fn decode(base64: bool, payload: &str) -> Result<Vec<u8>, String> {
     let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, lenient);
     let plain: Cow<'_, [u8]> =
         if payload.contains('%') { percent_decode_str(payload).into() } else { payload.as_bytes().into() };
-    engine.decode(&*plain).map_err(|e| format!("the data URI is no base64: {e}"))
+    engine.decode(&*plain).map_err(|e| format!("the data URI is not base64: {e}"))
 }
 
 /// Returns the file that a URI refers to, relative to `folder`. The undecoded name is used if only a file of that name

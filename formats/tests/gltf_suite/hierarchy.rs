@@ -106,7 +106,7 @@ fn scenes_are_checked() {
     assert!(refused(json!(1), json!([{}])).contains("scene: scenes[1] does not exist"));
     assert!(refused(json!(0), json!([{ "nodes": [2] }])).contains("scenes[0].nodes[0]: nodes[2] does not exist"));
     assert!(refused(json!(0), json!([{ "nodes": [0, 0] }])).contains("is listed twice"));
-    assert!(refused(json!(0), json!([{ "nodes": [1] }])).contains("is no root"));
+    assert!(refused(json!(0), json!([{ "nodes": [1] }])).contains("is not a root"));
 }
 
 #[test]
@@ -152,7 +152,10 @@ fn transforms_that_are_no_numbers_are_refused() {
     assert!(
         refused(json!({ "translation": [1, 2] })).contains("nodes[0].translation: 3 numbers are expected, there are 2")
     );
-    assert!(refused(json!({ "translation": [1, 2, null] })).contains("nodes[0].translation[2]: null is no number"));
+    assert!(
+        refused(json!({ "translation": [1, 2, null] }))
+            .contains("nodes[0].translation[2]: expected a number, found null")
+    );
     assert!(refused(json!({ "scale": [1, 1, 1e39] })).contains("beyond the range of 32-bit floats"));
     assert!(refused(json!({ "matrix": [1] })).contains("16 numbers are expected"));
 }

@@ -87,7 +87,7 @@ fn an_unknown_mode_is_refused() {
 fn corners_beyond_the_last_whole_triangle_are_ignored_with_a_warning() {
     let doc = unindexed(4, 5);
     assert_eq!(triangles(&doc).corners, [[0, 1, 2]]);
-    assert!(first_warning(&doc).contains("5 corners are no whole number of triangles"));
+    assert!(first_warning(&doc).contains("5 corners do not make whole triangles"));
 }
 
 #[test]

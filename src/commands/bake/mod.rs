@@ -21,7 +21,7 @@ use crate::commands::source::Source;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
-use crate::report::{self, BakeReport, Input, MethodReport, Pass, Seconds, Speed, Told};
+use crate::report::{self, BakeReport, Input, MethodReport, Pass, ReportedOptions, Seconds, Speed};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
 use crate::verify::{Machine, Sides, Verification, VerifyOptions};
@@ -58,13 +58,13 @@ impl BakeOptions {
     }
 
     /// What of it the report repeats.
-    fn told(&self) -> Told {
+    fn reported(&self) -> ReportedOptions {
         let (choose, layout, verify) = (&self.choose, &self.choose.layout, &self.verify);
         let if_set = |asked: bool, forbidden: bool| match (asked, forbidden, choose.method) {
             (false, false, Choice::Auto) => None,
             _ => Some(asked && !forbidden),
         };
-        Told {
+        ReportedOptions {
             effort: choose.effort.level(),
             device_class: choose.class.name(),
             weights: verify.weights.0,
@@ -142,7 +142,7 @@ pub fn bake(
         input: Input::of(path, &scene),
         output: output.to_owned(),
         verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class),
-        options: options.told(),
+        options: options.reported(),
         blas_per,
         before,
         overall,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::dynamic_programming::{self, Group, Known};
 use super::facts::{self, Facts, OwnFrames, Turning};
-use super::met::Met;
+use super::met::MetAreas;
 use super::refit::Refit;
 use super::search;
 use super::soup::{Soup, Turned};
@@ -20,7 +20,7 @@ use crate::scene::Scene;
 use crate::tree::{Quality, Tree};
 
 /// Triangles, their tree in the frame that fits all of them best, and the frames that parts of it would rather have.
-pub(super) struct Ground {
+pub(super) struct ClusterInput {
     pub(super) soup: Soup,
     base: Turned,
     tree: Tree,
@@ -53,10 +53,10 @@ struct Parts {
 /// Triangles that tell whether a frame may fit all.
 const SAMPLE: usize = 1 << 14;
 
-impl Ground {
+impl ClusterInput {
     /// Of the triangles of some objects; `turns` says whether frames are looked for. `None` where one of them has a box that no tree
     /// can hold.
-    pub(super) fn new(scene: &Scene, objects: &[Object], turns: bool, turning: Turning) -> Option<Ground> {
+    pub(super) fn new(scene: &Scene, objects: &[Object], turns: bool, turning: Turning) -> Option<ClusterInput> {
         let soup = Soup::new(scene, objects);
         let tree_in =
             |frame: &Turned| Tree::build_from(soup.len(), Quality::Medium, &|triangle| soup.bounds_in(frame, triangle));
@@ -67,7 +67,7 @@ impl Ground {
         let base = if turns { best_frame(&soup, &tree) } else { Turned::NOT };
         let (tree, along) = if base == Turned::NOT { (tree, None) } else { (tree_in(&base), Some(tree)) };
         let facts = facts::facts(&soup, &tree, &base);
-        Some(Ground {
+        Some(ClusterInput {
             soup,
             base,
             tree,
@@ -107,8 +107,8 @@ impl Ground {
         if limits.whole && limits.allow(triangles, self.extent()) {
             return vec![Group { items: self.tree.order.clone(), frame: self.base }];
         }
-        let by_rays = segments.map(|segments| self.by_rays(segments));
-        let (facts, parts) = match &by_rays {
+        let cut_by_rays = segments.map(|segments| self.cut_by_rays(segments));
+        let (facts, parts) = match &cut_by_rays {
             Some(rays) => (&*rays.facts, rays.parts.as_deref()),
             None => (self.facts.as_slice(), self.parts()),
         };
@@ -128,10 +128,10 @@ impl Ground {
     }
 
     /// What is known of the tree, by rays.
-    fn by_rays(&self, segments: &Arc<[Segment]>) -> ByRays {
+    fn cut_by_rays(&self, segments: &Arc<[Segment]>) -> ByRays {
         let last = self.rays.take().filter(|last| Arc::ptr_eq(&last.segments, segments));
         let found = last.unwrap_or_else(|| {
-            let met = Met::new(&self.soup, &self.tree, &self.facts, &self.base, segments);
+            let met = MetAreas::new(&self.soup, &self.tree, &self.facts, &self.base, segments);
             let parts = self.parts().map(|parts| {
                 let shares = units::shares(&self.soup, &self.tree, met.facts());
                 let units = met.units(&parts.units, &shares, &self.soup, segments);
@@ -173,7 +173,7 @@ impl Ground {
         let known = |node: usize| known[node].map(|node| own[node as usize].as_deref().copied());
         let mut own = facts::own_frames(&self.soup, &tree, &facts, &self.base, &self.turning, known);
         if !segments.is_empty() {
-            let met = Met::new(&self.soup, &tree, &facts, &self.base, segments);
+            let met = MetAreas::new(&self.soup, &tree, &facts, &self.base, segments);
             own = met.own(&own);
             facts = met.into_facts();
         }

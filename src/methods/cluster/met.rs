@@ -30,7 +30,7 @@ const BLOCK: usize = 64;
 const MOST_MET: usize = 1 << 25;
 
 /// How many times as much rays meet of each node as lines do.
-pub(super) struct Met {
+pub(super) struct MetAreas {
     /// Of its box.
     of_box: Vec<f64>,
     /// Of what it costs to go through all of it.
@@ -38,9 +38,9 @@ pub(super) struct Met {
     facts: Vec<Facts>,
 }
 
-impl Met {
+impl MetAreas {
     /// Of a tree over some triangles of a soup in a frame.
-    pub(super) fn new(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned, segments: &[Segment]) -> Met {
+    pub(super) fn new(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned, segments: &[Segment]) -> MetAreas {
         let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &t| all.union(&soup.bounds_in(base, t)));
         let boxed = Boxed { bounds: tree.refit(around, Bounds::union), tree: tree.clone() };
         let counts = counts_of_nodes(&boxed, segments, &soup.seen_in(base));
@@ -52,12 +52,12 @@ impl Met {
                 of_box[child] = of_box[at] * ratio(rays, lines, 1.0);
             }
         }
-        Met::scaled(tree, facts, of_box)
+        MetAreas::scaled(tree, facts, of_box)
     }
 
     /// Facts scaled by what rays meet of each box, and costs summed up again.
-    fn scaled(tree: &Tree, facts: &[Facts], of_box: Vec<f64>) -> Met {
-        let mut met = Met { of_inside: vec![1.0; facts.len()], facts: facts.to_vec(), of_box };
+    fn scaled(tree: &Tree, facts: &[Facts], of_box: Vec<f64>) -> MetAreas {
+        let mut met = MetAreas { of_inside: vec![1.0; facts.len()], facts: facts.to_vec(), of_box };
         for (at, node) in tree.nodes.iter().enumerate().rev() {
             let below = (!node.is_leaf()).then(|| [met.facts[node.first as usize], met.facts[node.first as usize + 1]]);
             let (fact, of_box) = (&mut met.facts[at], met.of_box[at]);
@@ -77,7 +77,7 @@ impl Met {
         &self.facts
     }
 
-    /// As [`Met::facts`].
+    /// As [`MetAreas::facts`].
     pub(super) fn into_facts(self) -> Vec<Facts> {
         self.facts
     }
@@ -89,8 +89,8 @@ impl Met {
             loose: self.of_box[at] * own.loose,
             ..*own
         };
-        let by_rays = |(at, own): (usize, &Option<Box<Own>>)| own.as_deref().map(|own| Box::new(scaled(at, own)));
-        own.iter().enumerate().map(by_rays).collect()
+        let cut_by_rays = |(at, own): (usize, &Option<Box<Own>>)| own.as_deref().map(|own| Box::new(scaled(at, own)));
+        own.iter().enumerate().map(cut_by_rays).collect()
     }
 
     /// What units cost, by rays: each with its share of the tree and what it costs in its own frame.
@@ -98,14 +98,14 @@ impl Met {
         let boxes: Vec<Bounds> = units.iter().map(|unit| unit.world).collect();
         let (counts, used) = counts_of_boxes(&boxes, segments, &soup.seen_in(&Turned::NOT));
         let root = self.facts.first().map_or(0.0, |fact| fact.loose);
-        let by_rays = |(unit, count): (&Unit, u32)| {
+        let cut_by_rays = |(unit, count): (&Unit, u32)| {
             let share: f64 = unit.items.iter().map(|&t| shares[t as usize]).sum();
             let lines = ratio(unit.own.loose, root, 0.0);
             let met = (f64::from(count) + PRIOR * lines) / (used as f64 + PRIOR);
             let own = Own { inside: unit.own.inside * ratio(share, unit.share, 1.0), loose: root * met, ..unit.own };
             Unit { own, share, ..unit.clone() }
         };
-        units.iter().zip(counts).map(by_rays).collect()
+        units.iter().zip(counts).map(cut_by_rays).collect()
     }
 }
 
@@ -185,8 +185,8 @@ mod tests {
         Known { soup, tree, facts }
     }
 
-    fn met(known: &Known, segments: &[Segment]) -> Met {
-        Met::new(&known.soup, &known.tree, &known.facts, &Turned::NOT, segments)
+    fn met(known: &Known, segments: &[Segment]) -> MetAreas {
+        MetAreas::new(&known.soup, &known.tree, &known.facts, &Turned::NOT, segments)
     }
 
     /// The node of all triangles of the first row, and that of the second's.

@@ -31,7 +31,7 @@ use crate::methods::{ClusterOptions, InstanceOptions, Options, PartOptions, sing
 use crate::scene::{Bounds, InstanceId, Scene};
 use dynamic_programming::Group;
 use facts::Turning;
-use ground::Ground;
+use ground::ClusterInput;
 use soup::{Soup, Turned};
 
 /// Another frame for all triangles must cost less than this share to be taken.
@@ -100,7 +100,7 @@ impl Limits {
 pub struct Cache {
     /// No run has an entry cost below this one.
     least_entry: f64,
-    last: Option<(Key, Option<Rc<Ground>>)>,
+    last: Option<(Key, Option<Rc<ClusterInput>>)>,
     /// Those over most triangles.
     trees: PlacedTrees,
 }
@@ -114,7 +114,7 @@ impl Default for Cache {
     }
 }
 
-/// What a [`Ground`] depends on.
+/// What a [`ClusterInput`] depends on.
 type Key = (Vec<Object>, bool, u32);
 
 impl Cache {
@@ -122,8 +122,8 @@ impl Cache {
     pub fn serving<'a>(runs: impl IntoIterator<Item = &'a Options>) -> Cache {
         let least = |Options { instances, cluster, .. }: &Options| {
             // What bounds divide is a group whatever it costs; by rays, areas tell little of what an entry is worth.
-            let by_rays = cluster.search.segments.is_some();
-            if cluster.is_bounded() || by_rays { LEAST_ENTRY } else { instances.entry_cost }
+            let cut_by_rays = cluster.search.segments.is_some();
+            if cluster.is_bounded() || cut_by_rays { LEAST_ENTRY } else { instances.entry_cost }
         };
         Cache {
             least_entry: runs.into_iter().map(least).fold(f64::INFINITY, f64::min).max(LEAST_ENTRY),
@@ -131,13 +131,13 @@ impl Cache {
         }
     }
 
-    fn ground(&mut self, scene: &Scene, objects: &[Object], turns: bool, min_turned: u32) -> Option<Rc<Ground>> {
+    fn ground(&mut self, scene: &Scene, objects: &[Object], turns: bool, min_turned: u32) -> Option<Rc<ClusterInput>> {
         let serves = |key: &Key| (&*key.0, key.1, key.2) == (objects, turns, min_turned);
         if !self.last.as_ref().is_some_and(|(key, _)| serves(key)) {
             // The old one goes first: both at once could be too much.
             self.retire();
             let turning = Turning { fewest: min_turned, least_entry: self.least_entry };
-            let ground = Ground::new(scene, objects, turns, turning).map(Rc::new);
+            let ground = ClusterInput::new(scene, objects, turns, turning).map(Rc::new);
             self.last = Some(((objects.to_vec(), turns, min_turned), ground));
         }
         self.last.as_ref().and_then(|(_, ground)| ground.clone())
@@ -146,7 +146,7 @@ impl Cache {
     /// Lets go of all but the trees, where they are over more triangles than those that are known.
     fn retire(&mut self) {
         let last = self.last.take().and_then(|(_, ground)| Rc::into_inner(ground?));
-        if let Some(trees) = last.map(Ground::into_trees).filter(|trees| trees.len() > self.trees.len()) {
+        if let Some(trees) = last.map(ClusterInput::into_trees).filter(|trees| trees.len() > self.trees.len()) {
             self.trees = trees;
         }
     }
@@ -231,7 +231,7 @@ impl Clustering<'_> {
     }
 
     /// The groups of a part and what they were found in; `None` if it stays whole, along the axes of the world.
-    fn groups(&self, part: &Part, cache: &mut Cache) -> Option<(Rc<Ground>, Vec<Group>)> {
+    fn groups(&self, part: &Part, cache: &mut Cache) -> Option<(Rc<ClusterInput>, Vec<Group>)> {
         let ground =
             cache.ground(self.scene, &part.objects, self.instances.frames, self.options.min_turned_triangles)?;
         let segments = self.options.search.segments.as_ref().filter(|segments| !segments.is_empty());

@@ -385,7 +385,7 @@ mod tests {
     fn what_lies_along_the_axes_or_must_not_turn_is_not_turned() {
         for (axes, turns) in [(DMat3::IDENTITY, true), (turned(), false)] {
             let levels = of(&rods(4, axes), turns);
-            assert!(levels.len() > 4 && levels[0].len() > 1, "the mesh itself is no piece");
+            assert!(levels.len() > 4 && levels[0].len() > 1, "the mesh itself is not a piece");
             assert!(levels.iter().flatten().all(|p| p.part.frame == DAffine3::IDENTITY));
         }
     }

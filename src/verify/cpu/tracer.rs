@@ -11,7 +11,7 @@ use super::search::{Found, Inside, Interval, Stacks, Steps, search};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 use crate::verify::rays::{Ray, RayKind};
-use crate::verify::{Hit, Pace, Tracer};
+use crate::verify::{Hit, TimingHints, Tracer};
 
 /// Number of rays per task: few enough to spread over threads, enough to amortise its stacks.
 const BATCH: usize = 256;
@@ -98,8 +98,8 @@ impl Tracer for CpuTracer<'_> {
         }
     }
 
-    fn pace(&self) -> Pace {
-        Pace { most_rays: Some(TIMED), ..Pace::default() }
+    fn pace(&self) -> TimingHints {
+        TimingHints { most_rays: Some(TIMED), ..TimingHints::default() }
     }
 
     fn prepare<'r>(&self, rays: &'r [Ray]) -> Result<&'r [Ray], Infallible> {

@@ -4,7 +4,7 @@ use super::Error;
 use super::trace::{RayBuffer, VulkanTracer};
 use crate::verify::build::Built;
 use crate::verify::rays::{Ray, RayKind};
-use crate::verify::{Hit, OpaqueTextures, Pace, Tracer};
+use crate::verify::{Hit, OpaqueTextures, TimingHints, Tracer};
 
 /// Number of rays per kind that keeps a GPU busy: four per pixel of a 1280 x 720 image.
 const BUSY: u32 = 4 * 1280 * 720;
@@ -20,10 +20,10 @@ impl<'d> Tracer for VulkanTracer<'_, 'd> {
         VulkanTracer::device(self).info().name.clone()
     }
 
-    fn pace(&self) -> Pace {
+    fn pace(&self) -> TimingHints {
         match VulkanTracer::device(self).info().is_software {
-            true => Pace { rays: None, most_rays: Some(MANY), most_warm_ups: 1 },
-            false => Pace { rays: Some(BUSY), most_rays: None, most_warm_ups: 30 },
+            true => TimingHints { rays: None, most_rays: Some(MANY), most_warm_ups: 1 },
+            false => TimingHints { rays: Some(BUSY), most_rays: None, most_warm_ups: 30 },
         }
     }
 

@@ -7,7 +7,7 @@ use crate::verify::{MachineKind, PerKind, Verification};
 
 /// What a bake was told, as far as it decides what is written and how that is judged.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Told {
+pub struct ReportedOptions {
     /// How many candidates `auto` looks at, from 0 to 6.
     pub effort: u8,
     /// What kind of device rays are predicted for.
