@@ -30,7 +30,7 @@
 //!
 //! The modules are open to tools of this project and change with it. They stand in the order of the data flow; arrows run one way, from the last to the first: [`scene`] (what a
 //! ray tracer sees), [`tree`] (trees over boxes), [`layout`] (which triangles share a BLAS), [`cost`] (metrics),
-//! [`methods`] (how layouts are made), [`verify`] (rays through before and after), [`copies`] (meshes that are copies of
+//! [`methods`] (how layouts are made), [`mod@verify`] (rays through before and after), [`copies`] (meshes that are copies of
 //! others), [`emit`] (a layout made into a document), [`choose`] (which layout to write), [`report`], [`commands`],
 //! [`lab`] and [`cli`].
 //! Reading and writing files is the crate `raykiln-formats`.

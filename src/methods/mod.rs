@@ -61,7 +61,7 @@ impl Method {
     }
 }
 
-/// Runs a method. The layout's triangles are in file order; [`order_by_tree`] sorts them.
+/// Runs a method. The layout's triangles are in file order; [`crate::layout::order_by_tree`] sorts them.
 ///
 /// # Panics
 /// In debug builds, if the layout does not hold every placed triangle exactly once ([`Layout::check`]).

@@ -96,7 +96,7 @@ impl Tree {
     /// Departs from the papers where many boxes share one Morton cell (equal triangles, or a far outlier that
     /// squeezes the rest of the scene into a few cells): clustering such boxes takes quadratic time, so that they
     /// enter the tree as one item and become a tree of their own, scaled to their own extent. Very many boxes are divided
-    /// into parts from the top down ([`divide`]), which takes less memory and all threads.
+    /// into parts from the top down (`divide`), which takes less memory and all threads.
     pub fn build(boxes: &[Bounds], quality: Quality) -> Tree {
         build_members((0..boxes.len() as u32).collect(), quality, &|i| boxes[i as usize])
     }
