@@ -136,6 +136,8 @@ pub fn bake(
         Sides { before: &scene, after: &after_scene },
         Sides { before: &before, after: &after },
     );
+    let of_choice = [words_of(&chosen.layout.notes), words_of(&chosen.notes)].concat();
+    let notes = [of_choice, written.notes(), words_of(&verification.notes), profiles].concat();
     let mut report = BakeReport {
         schema: BakeReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -150,14 +152,7 @@ pub fn bake(
         method,
         after,
         passes: copies.into_iter().chain(chosen.passes.into_iter().map(Pass::from)).chain(written.passes()).collect(),
-        notes: [
-            words_of(&chosen.layout.notes),
-            words_of(&chosen.notes),
-            written.notes(),
-            words_of(&verification.notes),
-            profiles,
-        ]
-        .concat(),
+        notes,
         verify: verification,
         seconds: Seconds::default(),
         peak_memory_bytes: None,
