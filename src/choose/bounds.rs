@@ -1,4 +1,4 @@
-//! What a layout may take, which candidates keep to it, and what of a layout that is written does not.
+//! Limits on layouts: which candidates keep to them, and what exceeds them in the layout written.
 
 use super::candidate::Candidate;
 use super::outcome::{Excess, GroupCause, Note, Origin};
@@ -8,32 +8,32 @@ use crate::layout::{Content, Layout, Placement};
 use crate::methods::Method;
 use crate::scene::{Bounds as Box3, Pinned, Scene};
 
-/// Lengths that were computed in different ways may differ by this share.
+/// Tolerance, as a share, between lengths that were computed in different ways.
 const ROUNDING: f64 = 1e-6;
 
-/// What a layout may take.
+/// Limits on a layout.
 #[derive(Clone, Debug)]
 pub(super) struct Bounds {
-    /// Predicted bytes of acceleration structures over the input's; infinite: any.
+    /// Predicted bytes of acceleration structures over the input's; infinite: no limit.
     pub(super) most_bytes_ratio: f64,
-    /// Whether the user set it.
+    /// Whether the user set `most_bytes_ratio`.
     pub(super) is_asked_for: bool,
     /// The input's predicted bytes.
     pub(super) input_bytes: u64,
-    /// Triangles of a group; `None`: any number.
+    /// Triangles per group; `None`: no limit.
     pub(super) most_triangles: Option<u32>,
-    /// Longest side of the world box of a group over that of the scene; infinite: any length.
+    /// Longest side of a group's world box over that of the scene; infinite: no limit.
     pub(super) longest_ratio: f64,
     /// Longest side of the scene's box.
     pub(super) extent: f64,
-    /// What is one group.
+    /// What counts as one group.
     pub(super) blas_per: BlasPer,
 }
 
 impl Bounds {
-    /// For each candidate what of it is beyond the bounds; `None` if it keeps to them. Where no candidate keeps to a
-    /// bound on groups, what the best of them comes to stands for the bound: no method divides a triangle, nor some of the
-    /// smallest parts. The input, which is the first one, may have its own bytes, whatever the bound.
+    /// Returns how each candidate exceeds the bounds; `None` if it keeps to them. If no candidate keeps to a bound on
+    /// groups, the best value among them replaces the bound: no method divides a triangle, and some do not divide their
+    /// smallest parts. The input, which comes first, may have its own bytes whatever the bound.
     pub(super) fn refusals(&self, candidates: &[Candidate]) -> Vec<Option<Vec<Excess>>> {
         let smallest = candidates.iter().map(|c| c.largest_group).min().unwrap_or(0);
         let most_triangles = self.most_triangles.map_or(usize::MAX, |n| smallest.max(n as usize));
@@ -49,7 +49,7 @@ impl Bounds {
         candidates.iter().map(refusal).collect()
     }
 
-    /// Which candidates may be taken; the input where none keeps to the bounds.
+    /// Returns which candidates are allowed; only the input if none keeps to the bounds.
     pub(super) fn allow(&self, candidates: &[Candidate]) -> Vec<bool> {
         let mut allowed: Vec<bool> = self.refusals(candidates).iter().map(Option::is_none).collect();
         if !allowed.contains(&true) {
@@ -74,7 +74,7 @@ impl Bounds {
         Excess::Extent { ratio: length / self.extent, allowed: self.longest_ratio }
     }
 
-    /// What of a layout is beyond what the user allows, how far, and why: a note for each bound and cause.
+    /// Returns what in a layout exceeds the user's limits, by how much, and why: one note per bound and cause.
     pub(super) fn notes(&self, scene: &Scene, layout: &Layout, origin: Origin) -> Vec<Note> {
         let built = as_built(scene, layout, self.blas_per);
         let causes = Causes::of(scene, &built, origin);
@@ -102,7 +102,7 @@ impl Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cause {
     Pinned(Pinned),
-    /// So many instances place it.
+    /// This many instances place it.
     Shared(usize),
     Whole,
 }
@@ -133,7 +133,7 @@ impl<'l> Causes<'l> {
         Causes { layout, of_groups, origin }
     }
 
-    /// A note for each cause; `excess` gives the size of a group that is beyond the bound, and how far beyond it is.
+    /// Returns a note for each cause; `excess` returns the size of a group that exceeds the bound, and by how much.
     fn notes(&self, excess: &dyn Fn(usize) -> Option<(f64, Excess)>) -> Vec<Note> {
         let mut beyond: Vec<(usize, (f64, Excess))> =
             (0..self.of_groups.len()).filter_map(|group| Some((group, excess(group)?))).collect();
@@ -164,7 +164,7 @@ impl<'l> Causes<'l> {
     }
 }
 
-/// The longest side of the world box of each group, of the placement where it is longest.
+/// The longest side of each group's world box, over all of its placements.
 fn lengths(scene: &Scene, layout: &Layout) -> Vec<f64> {
     let of_instances = scene.instance_boxes();
     let box_of_piece =

@@ -7,30 +7,30 @@ use super::plans::Effort;
 use crate::methods::PlanId;
 use crate::verify::weights::{Overall, Weights};
 
-/// A candidate that was only predicted must cost less than this share of the input to be worth a change.
+/// A candidate that was only predicted is worth a change only if its cost is less than this share of the input's.
 const WORTH_A_CHANGE: f64 = 0.95;
 
-/// A candidate that was only predicted must cost less than this share of the single BLAS to be taken instead of it: the
-/// model is not sure enough of anything closer.
+/// A candidate that was only predicted replaces the single BLAS only if its cost is less than this share of the single
+/// BLAS's: the model does not resolve smaller differences.
 const SURER_THAN_SINGLE: f64 = 0.9;
 
-/// Layouts whose measured times differ by less than this share are equal: the one with fewer bytes is taken.
+/// Measured speeds that differ by less than this share count as equal: the layout with fewer bytes is chosen.
 const EQUAL: f64 = 0.003;
 
-/// What was decided.
+/// A decision.
 pub(super) struct Decision {
-    /// Index of the candidate.
+    /// Index of the chosen candidate.
     pub(super) winner: usize,
     pub(super) why: Why,
-    /// What came of each candidate.
+    /// The outcome of each candidate.
     pub(super) outcomes: Vec<Outcome>,
-    /// Whether a candidate keeps to the bounds; else the input is taken, which does not.
+    /// Whether any candidate keeps to the bounds; if not, the input is chosen although it exceeds them.
     pub(super) keeps: bool,
     /// Whether the input keeps to the bounds, so that it may still be written instead.
     pub(super) may_be_left_alone: bool,
 }
 
-/// The candidates to be timed: the single BLAS and the best others by prediction, in their order.
+/// Indices of the candidates to time: the single BLAS and the best others by prediction, in ascending order.
 pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize> {
     let mut order: Vec<usize> = (0..candidates.len()).filter(|&i| !candidates[i].is_input()).collect();
     let rank = |i: usize| (!candidates[i].plan.is_single(), candidates[i].sampled_cost);
@@ -40,8 +40,8 @@ pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize>
     order
 }
 
-/// Takes the candidate that was measured to be the fastest, or else predicted to be clearly cheaper; the input, which is
-/// the first one, where nothing beats it. Says of every candidate why it was chosen or not.
+/// Chooses the candidate that was measured fastest or, without measurements, the one predicted to be clearly cheaper;
+/// if nothing beats the input, which comes first, the input. States for every candidate why it was chosen or not.
 pub(super) fn decide(candidates: &[Candidate], weights: &Weights, bounds: &Bounds, measured: bool) -> Decision {
     let refusals = bounds.refusals(candidates);
     let keeps = refusals.contains(&None);
@@ -64,7 +64,7 @@ pub(super) fn decide(candidates: &[Candidate], weights: &Weights, bounds: &Bound
     Decision { winner, why, outcomes, keeps, may_be_left_alone }
 }
 
-/// Candidates, and what of each is beyond the bounds.
+/// Candidates, and how each exceeds the bounds.
 struct Choice<'a> {
     candidates: &'a [Candidate],
     weights: &'a Weights,
@@ -84,7 +84,7 @@ impl Choice<'_> {
         self.candidates[i].plan.id
     }
 
-    /// How far a candidate is beyond the bounds.
+    /// How far a candidate exceeds the bounds.
     fn excess(&self, i: usize) -> Vec<Excess> {
         self.refusals[i].clone().unwrap_or_default()
     }
@@ -97,7 +97,7 @@ impl Choice<'_> {
         speed.is_faster() && speed.speedup_ratio > 1.0 + EQUAL
     }
 
-    /// The one of some candidates that costs least; the first of several.
+    /// Returns the cheapest of the given candidates; the first if several are equal.
     fn least(&self, of: impl Iterator<Item = usize>) -> Option<usize> {
         of.min_by(|&a, &b| self.cost(a).total_cmp(&self.cost(b)).then(a.cmp(&b)))
     }
@@ -123,7 +123,7 @@ impl Choice<'_> {
         }
     }
 
-    /// The single BLAS, where it may be taken.
+    /// The single BLAS, if it is allowed.
     fn single(&self) -> Option<usize> {
         (0..self.candidates.len()).find(|&i| self.candidates[i].plan.is_single() && self.is_allowed(i))
     }
@@ -176,7 +176,7 @@ impl Choice<'_> {
         let of = |other: usize| self.cost(i) / self.cost(other);
         let chosen = of(winner);
         match self.single() {
-            // The bars that keep a candidate from being taken, cheaper as it is than the one chosen.
+            // The thresholds that rule out a candidate although it is predicted to be cheaper than the chosen one.
             _ if winner == 0 && (WORTH_A_CHANGE..1.0).contains(&chosen) => {
                 Outcome::TooCloseToInput { cost_ratio: chosen, least: WORTH_A_CHANGE }
             }

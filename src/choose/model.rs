@@ -1,9 +1,9 @@
-//! What rays cost on a device, predicted from what they meet on the CPU.
+//! Predicts ray costs on a device from what rays traverse on the CPU.
 //!
-//! SAH sees neither occlusion nor the order in which rays meet boxes. So rays of all kinds are traced on the CPU through
-//! the two levels of a layout, and what they meet is counted: nodes of the TLAS, instances entered, nodes of BLASes. Of 32
-//! neighbouring rays the largest counts hold for all, as a GPU runs them in step. Good enough to rank layouts, not to
-//! decide between close ones: see [`Class::NoRtCores`].
+//! SAH models neither occlusion nor the order in which rays meet boxes. Therefore rays of all kinds are traced on the
+//! CPU through the two levels of a layout, and what they traverse is counted: TLAS nodes, instances entered, BLAS
+//! nodes. Each group of 32 neighbouring rays is charged its largest counts, because a GPU runs them in lockstep. This
+//! is accurate enough to rank layouts, but not to decide between close ones: see [`Class::NoRtCores`].
 
 use glam::DVec3;
 use serde::Serialize;
@@ -14,60 +14,61 @@ use crate::verify::cpu::{CpuTracer, Steps, TwoLevel};
 use crate::verify::rays::{Ray, RayKind, Rays};
 use crate::verify::weights::Weights;
 
-/// Rays that run in step.
+/// Rays that run in lockstep.
 const IN_STEP: usize = 32;
 
-/// Groups of neighbours that tell how much work all are.
+/// Groups of neighbours that are traced first to estimate the work of all rays.
 const PROBES: usize = 2;
 
-/// Things met after which no more rays are looked at, as where very many boxes lie in one place.
+/// Traversal steps after which no more rays are traced; reached if very many boxes overlap in one place.
 const MOST_STEPS: u64 = 1 << 26;
 
-/// So many groups of neighbours, at least one, spread over all rays.
+/// Selects `groups` groups of neighbouring rays, at least one, evenly spread over all rays.
 fn spread(rays: &[Ray], groups: usize) -> Vec<Ray> {
     let step = rays.len().div_ceil(IN_STEP).div_ceil(groups.max(1)).max(1);
     rays.chunks(IN_STEP).step_by(step).flatten().copied().collect()
 }
 
-/// What kind of device the rays of the user run on.
+/// Class of the device that the user's rays run on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Class {
-    /// Traversal in software on ordinary cores, as on an NVIDIA H200.
+    /// Software traversal on general-purpose cores, as on an NVIDIA H200.
     ///
-    /// Prices fitted there by `raykiln lab` (see docs/lab.md) to 121 layouts of 12 scenes, by non-negative least squares on
-    /// relative errors, which are 18 % to 29 % (RMS) by kind of rays. With the scene predicted left out: correlation of the
-    /// logarithms of measured and predicted ratios to one BLAS 0.84; what the model picks is 0.954 of the best on average
-    /// and 0.786 at worst.
+    /// Prices were fitted there by `raykiln lab` (see docs/lab.md) to 121 layouts of 12 scenes, by non-negative least
+    /// squares on relative errors, which are 18 % to 29 % (RMS) depending on the ray kind. With leave-one-scene-out
+    /// validation, the logarithms of measured and predicted ratios to one BLAS correlate by 0.84; the layout that the
+    /// model picks reaches 0.954 of the best speed on average and 0.786 at worst.
     #[default]
     NoRtCores,
-    /// Traversal in hardware. Not fitted: no such device was at hand. Node steps are taken to be half as dear against an
-    /// entry as in software, since a hardware unit steps through nodes while the entry still fetches a transform.
+    /// Hardware traversal. Not fitted, because no such device was available. Relative to an entry, node steps are
+    /// assumed to cost half as much as in software: a hardware unit steps through nodes, while an entry still fetches a
+    /// transform.
     RtCores,
 }
 
-/// Picoseconds a ray, and for each thing it meets; each at least 0.
+/// Prices in picoseconds, per ray and per thing it traverses; each at least 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Prices {
-    /// For every ray, whatever it meets.
+    /// Per ray, whatever it meets.
     pub ray: f64,
-    /// For a node of the TLAS.
+    /// Per TLAS node.
     #[serde(rename = "tlas_node")]
     pub top: f64,
-    /// For an instance entered.
+    /// Per instance entered.
     pub entry: f64,
-    /// For a node of a BLAS.
+    /// Per BLAS node.
     #[serde(rename = "blas_node")]
     pub bottom: f64,
 }
 
-/// What rays meet, in the mean over them; of [`IN_STEP`] neighbours the largest counts hold for all.
+/// Mean traversal counts per ray; each of [`IN_STEP`] neighbours is charged the largest count among them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Counts {
-    /// Nodes of the TLAS.
+    /// TLAS nodes.
     pub top: f64,
     /// Instances entered.
     pub entries: f64,
-    /// Nodes of BLASes.
+    /// BLAS nodes.
     pub bottom: f64,
 }
 
@@ -83,7 +84,7 @@ impl Class {
         }
     }
 
-    /// The table of prices. `raykiln lab` fits them: see `docs/lab.md`.
+    /// The prices for each ray kind. `raykiln lab` fits them: see `docs/lab.md`.
     pub fn prices(self) -> PerKind<Prices> {
         let prices = |ray, top, entry, bottom| Prices { ray, top, entry, bottom };
         match self {
@@ -100,10 +101,10 @@ impl Class {
     }
 }
 
-/// The rays by which layouts of a scene are ranked.
+/// The rays that the layouts of a scene are ranked by.
 pub(super) struct Ranking<'a> {
     pub(super) rays: &'a Rays,
-    /// Where the scene is seen from by these rays.
+    /// The point in the scene that is the origin for these rays.
     pub(super) vantage: DVec3,
     pub(super) class: Class,
     pub(super) weights: Weights,
@@ -112,7 +113,7 @@ pub(super) struct Ranking<'a> {
 }
 
 impl Ranking<'_> {
-    /// Picoseconds a ray through a scene, in the weighted mean over the kinds of rays.
+    /// Predicted picoseconds per ray through a scene: weighted mean over ray kinds.
     pub(super) fn picoseconds(&self, trees: &TwoLevel) -> f64 {
         let tracer = CpuTracer::new(trees);
         let prices = self.class.prices();
@@ -125,7 +126,7 @@ impl Ranking<'_> {
 }
 
 impl Counts {
-    /// What rays of a kind meet on their way to what they look for.
+    /// Counts what rays of a kind traverse until they find what they look for.
     pub fn of(tracer: &CpuTracer<'_>, rays: &[Ray], kind: RayKind) -> Counts {
         let steps = |rays: &[Ray]| tracer.steps(rays, kind == RayKind::Shadow);
         let probe = spread(rays, PROBES);
@@ -148,7 +149,7 @@ impl Counts {
 }
 
 impl Prices {
-    /// Picoseconds of a ray that meets what is given.
+    /// Picoseconds per ray with the given counts.
     pub fn of(&self, met: &Counts) -> f64 {
         self.ray + self.top * met.top + self.entry * met.entries + self.bottom * met.bottom
     }

@@ -1,4 +1,4 @@
-//! What choosing came to, in numbers and ids; [`crate::report`] puts it into words.
+//! The result of choosing a layout, in numbers and ids; [`crate::report`] puts it into words.
 
 use serde::Serialize;
 
@@ -7,7 +7,7 @@ use crate::methods::{Method, PlanId};
 use crate::scene::Pinned;
 use crate::verify::weights::Overall;
 
-/// What decided on a layout.
+/// What a choice is based on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DecidedBy {
@@ -24,21 +24,21 @@ pub enum DecidedBy {
 pub struct Selection {
     /// What the user asked for.
     pub requested: Choice,
-    /// The method of the layout chosen.
+    /// The method of the chosen layout.
     pub method: Method,
     /// Its plan.
     pub plan: PlanId,
-    /// What decided.
+    /// What the choice is based on.
     pub decided_by: DecidedBy,
     /// Why it was chosen.
     pub why: Why,
-    /// All layouts looked at, the input first; none if the user asked for a method.
+    /// All layouts considered, the input first; empty if the user asked for a method.
     pub candidates: Vec<CandidateResult>,
-    /// The index of the one chosen.
+    /// Index of the chosen candidate.
     pub chosen: usize,
 }
 
-/// A layout looked at.
+/// A layout that was considered.
 #[derive(Clone, Debug)]
 pub struct CandidateResult {
     /// Its plan.
@@ -47,7 +47,7 @@ pub struct CandidateResult {
     pub predicted_cost: f64,
     /// Predicted picoseconds per ray.
     pub sampled_cost: f64,
-    /// Its speed against that of the input, if it was timed; the input's own if others were.
+    /// Its speed relative to the input, if it was timed; the input's own if others were timed.
     pub measured: Option<Overall>,
     /// Why it was chosen or not.
     pub outcome: Outcome,
@@ -55,34 +55,34 @@ pub struct CandidateResult {
     pub as_bytes: u64,
     /// Largest position error over the scene's diagonal.
     pub position_error_ratio: f64,
-    /// Time to lay it out and cost it.
+    /// Seconds spent on laying it out and computing its cost.
     pub seconds: f64,
-    /// Whether it was timed no more than briefly.
+    /// Whether it was timed only briefly.
     pub brief: bool,
 }
 
-/// How far something is beyond a bound.
+/// How far something exceeds a bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Excess {
     /// Predicted bytes of acceleration structures over the input's.
     Bytes {
-        /// What they come to.
+        /// The ratio found.
         ratio: f64,
-        /// What is allowed.
+        /// The ratio allowed.
         allowed: f64,
     },
-    /// Triangles of a group.
+    /// Triangles per group.
     Triangles {
-        /// How many there are.
+        /// The number found.
         count: usize,
-        /// How many are allowed.
+        /// The number allowed.
         allowed: u32,
     },
-    /// Longest side of a group's box over that of the scene's.
+    /// Longest side of a group's box over that of the scene.
     Extent {
-        /// What it comes to.
+        /// The ratio found.
         ratio: f64,
-        /// What is allowed.
+        /// The ratio allowed.
         allowed: f64,
     },
 }
@@ -92,58 +92,58 @@ pub enum Excess {
 pub enum Why {
     /// The user asked for its method.
     AskedFor,
-    /// No candidate keeps to the bounds, and the input stays, which is beyond them by this.
+    /// No candidate keeps to the bounds, so the input stays; it exceeds them by this.
     NothingAllowed(Vec<Excess>),
-    /// It was measured to be the fastest; its speed over the input's.
+    /// It was measured fastest; its speed over the input's.
     MeasuredFastest(f64),
-    /// It was measured to be the best that the bounds allow, which the input is beyond.
+    /// It was measured best among the allowed candidates; the input is not allowed.
     MeasuredBestAllowed {
         /// Its speed over the input's.
         speedup_ratio: f64,
-        /// How far the input is beyond the bounds.
+        /// How far the input exceeds the bounds.
         input: Vec<Excess>,
     },
-    /// Nothing was measured to be faster than the input.
+    /// Nothing was measured faster than the input.
     NoneMeasuredFaster,
-    /// Only what is beyond the bounds was measured to be faster than the input.
+    /// Only candidates beyond the bounds were measured faster than the input.
     FasterNotAllowed {
         /// The first such candidate.
         plan: PlanId,
-        /// How far it is beyond the bounds.
+        /// How far it exceeds the bounds.
         excess: Vec<Excess>,
     },
     /// It was predicted to cost clearly less than the input.
     PredictedCheapest {
         /// Predicted picoseconds per ray.
         picoseconds: f64,
-        /// Those of the input.
+        /// The input's.
         of_input: f64,
     },
-    /// It was predicted to be the cheapest that the bounds allow, which the input is beyond.
+    /// It was predicted cheapest among the allowed candidates; the input is not allowed.
     PredictedBestAllowed {
         /// Predicted picoseconds per ray.
         picoseconds: f64,
-        /// Those of the input.
+        /// The input's.
         of_input: f64,
-        /// How far the input is beyond the bounds.
+        /// How far the input exceeds the bounds.
         input: Vec<Excess>,
     },
     /// Nothing was predicted to cost clearly less than the input.
     NonePredictedCheaper,
-    /// Only what is beyond the bounds was predicted to cost clearly less than the input.
+    /// Only candidates beyond the bounds were predicted to cost clearly less than the input.
     CheaperNotAllowed {
         /// The cheapest such candidate.
         plan: PlanId,
         /// Its predicted cost over the input's.
         cost_ratio: f64,
-        /// How far it is beyond the bounds.
+        /// How far it exceeds the bounds.
         excess: Vec<Excess>,
     },
-    /// It is the input, because the plan chosen first was not faster when it was verified.
+    /// It is the input, because the plan chosen first was not faster during verification.
     NotFasterWhenVerified(PlanId),
 }
 
-/// What came of a candidate.
+/// The outcome of a candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     /// It was chosen.
@@ -162,42 +162,42 @@ pub enum Outcome {
     SlowerThanInput,
     /// It was measured to be no faster than the input beyond the spread.
     NotFasterThanInput,
-    /// It is as fast as the one chosen, which takes fewer bytes.
+    /// It is as fast as the chosen one, which takes fewer bytes.
     MoreBytes,
-    /// Its measured speed over that of the one chosen.
+    /// Its measured speed over that of the chosen one.
     SpeedOfChosen(f64),
-    /// Another was chosen, which was not timed.
+    /// Another one was chosen, which was not timed.
     AnotherChosen,
     /// Predicted to cost less than the input, but not by enough.
     TooCloseToInput {
         /// Its cost over the input's.
         cost_ratio: f64,
-        /// Only less than this is worth a change.
+        /// The ratio below which a change is worth it.
         least: f64,
     },
-    /// Predicted to cost less than the one chosen, but not by enough less than the single BLAS.
+    /// Predicted to cost less than the chosen one, but not by enough less than the single BLAS.
     TooCloseToSingle {
         /// Its cost over that of the single BLAS.
         cost_ratio: f64,
-        /// Only less than this is taken instead.
+        /// The ratio below which it is chosen instead.
         least: f64,
     },
-    /// Its predicted cost over that of the one chosen.
+    /// Its predicted cost over that of the chosen one.
     CostOfChosen(f64),
-    /// It comes to what another candidate came to, because rounding would move instances too far.
+    /// It equals another candidate, because rounding would move the vertices of some instances too far.
     HeldBack {
         /// The other candidate.
         same_as: PlanId,
-        /// How many instances stay.
+        /// The number of instances that stay.
         instances: usize,
         /// The largest position error allowed, over the scene's diagonal.
         max_position_error_ratio: f64,
     },
-    /// It was chosen first, but was not faster when it was verified.
+    /// It was chosen first, but was not faster during verification.
     NotFasterWhenVerified,
 }
 
-/// Why what is written is what it is.
+/// Why this layout is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// The user asked for a method.
@@ -208,32 +208,32 @@ pub enum Origin {
     NoneKeeps,
 }
 
-/// Something to know about the layout chosen.
+/// A remark about the chosen layout.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
-    /// Instances stay, because written out their vertices would move too far.
+    /// Instances stay, because their vertices would move too far if written out.
     HeldBack {
-        /// How many.
+        /// The number of instances.
         instances: usize,
         /// The largest position error allowed, over the scene's diagonal.
         max_position_error_ratio: f64,
     },
     /// It takes more bytes than the user allows.
     TooManyBytes {
-        /// How many more.
+        /// By how much.
         excess: Excess,
-        /// Why it is written all the same.
+        /// Why it is written nevertheless.
         origin: Origin,
     },
-    /// Some of its groups are larger than the user allows, for the same cause.
+    /// Some of its groups exceed the user's limit for the same cause.
     TooLarge {
-        /// How large the largest is.
+        /// By how much the largest exceeds it.
         excess: Excess,
         /// Its index.
         group: usize,
-        /// Its name, or nothing.
+        /// Its name; may be empty.
         name: String,
-        /// How many more there are.
+        /// The number of further groups.
         others: usize,
         /// Why it is so large.
         cause: GroupCause,
@@ -253,6 +253,6 @@ pub enum GroupCause {
     InputStays,
     /// It cannot be divided further.
     Indivisible,
-    /// The method does not heed the bound.
+    /// The method ignores the bound.
     NotHeeded(Method),
 }

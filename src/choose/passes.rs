@@ -1,4 +1,4 @@
-//! What is done and what is left out, with the reasons.
+//! The passes of a bake: what was applied, what was skipped, and why.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,29 +14,30 @@ use crate::methods::{self, Instances, Method, PlanId};
 use crate::scene::{Opacity, Scene};
 use crate::tree::Tree;
 
-/// Triangles whose boxes have on average less than this many times the area of the tightest lie along the axes.
+/// Triangles count as axis-aligned if the mean area of their boxes is less than this many times that of their tightest
+/// boxes.
 const LOOSE: f64 = 1.02;
 
-/// A step of a bake that is taken or left out.
+/// A step of a bake that is applied or skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassId {
     /// Meshes that are copies of others become instances of them.
     FindCopies,
-    /// Objects that overlap are regrouped.
+    /// Overlapping objects are regrouped.
     ReduceOverlap,
     /// Instances of shared meshes are opened or written out.
     ChooseInstances,
     /// Groups are stored in frames of their own.
     Frames,
-    /// What encloses the rest or lies far outside has groups of its own.
+    /// Objects that enclose the rest or lie far outside get groups of their own.
     Isolate,
-    /// Triangles that are not opaque have groups of their own.
+    /// Triangles that are not opaque get groups of their own.
     SplitOpacity,
     /// Candidates are timed on a device.
     Measure,
     /// The method regroups.
     Regroup,
-    /// Groups are stored around their centres.
+    /// Vertices of groups are stored relative to the groups' centres.
     CentreFrames,
     /// Triangles are put in tree order.
     Order,
@@ -66,22 +67,22 @@ impl PassId {
     }
 }
 
-/// A step that was taken or left out.
+/// A step that was applied or skipped.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pass {
-    /// What it is.
+    /// Which step.
     pub id: PassId,
     /// Whether it changed anything.
     pub applied: bool,
     /// Why.
     pub reason: Reason,
-    /// What became of it afterwards.
+    /// What happened to it afterwards.
     pub buts: Vec<But>,
-    /// Time it took.
+    /// Duration in seconds.
     pub seconds: f64,
 }
 
-/// Why a step was taken or left out.
+/// Why a step was applied or skipped.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reason {
     /// Fewer than two instances may be restructured.
@@ -94,13 +95,13 @@ pub enum Reason {
     NoSharedMesh,
     /// Instances of shared meshes overlap others.
     SharedOverlap,
-    /// The boxes of triangles are this many times as large as they need be.
+    /// The boxes of triangles are this many times as large as necessary.
     Loose(f64),
-    /// All triangles lie along the axes.
+    /// All triangles are axis-aligned.
     AlongAxes,
     /// Some objects enclose the rest or lie far outside.
     SomeApart,
-    /// No object does.
+    /// No object encloses the rest or lies far outside.
     NoneApart,
     /// Some triangles are opaque and some are not.
     OpacitiesMeet,
@@ -122,9 +123,9 @@ pub enum Reason {
     Regrouped,
     /// The layout is the input's.
     NotRegrouped,
-    /// This many groups are stored around their centres so that rounding stays within the limit.
+    /// This many groups are stored relative to their centres to keep rounding within the limit.
     Centred(usize),
-    /// The input is written as it is after all.
+    /// The unchanged input is written after all.
     InputLeftAlone,
 }
 
@@ -135,36 +136,36 @@ pub enum NotTimed {
     NothingDiffers,
     /// No device traces rays.
     NoDevice,
-    /// The device could take no candidate.
+    /// The device could not build or trace any candidate.
     NoneTaken,
-    /// The device failed; its reason.
+    /// The device failed, for this reason.
     Failed(String),
 }
 
-/// What became of a step that was worth a try or not.
+/// What happened to a step after it was judged worth trying or not.
 #[derive(Clone, Debug, PartialEq)]
 pub enum But {
     /// No plan tries it.
     NotTried,
-    /// It was tried, but what was chosen does without.
+    /// It was tried, but the chosen layout does not use it.
     ChosenWithout,
-    /// The plan that was chosen does it all the same.
+    /// The chosen plan uses it nevertheless.
     ChosenWith(PlanId),
 }
 
 impl Pass {
-    /// A step that began at some time and ends now.
+    /// A step that began at `start` and ends now.
     pub(super) fn since(start: Instant, id: PassId, applied: bool, reason: Reason) -> Pass {
         Pass { id, applied, reason, buts: Vec::new(), seconds: start.elapsed().as_secs_f64() }
     }
 }
 
-/// Something that a plan may try.
+/// A step that a plan may try.
 struct Trial {
     pass: PassId,
     /// Whether a plan tries it.
     is_in: fn(&Plan) -> bool,
-    /// Whether a layout that a plan came to has it.
+    /// Whether the layout that a plan produced shows it.
     shows: fn(&Scene, &Plan, &Layout) -> bool,
 }
 
@@ -200,7 +201,7 @@ fn sets_apart(plan: &Plan) -> bool {
     matches!(plan.method, Method::Single | Method::Cluster)
 }
 
-/// Whether its groups may have frames of their own.
+/// Whether the plan's groups may have frames of their own.
 fn is_turnable(plan: &Plan) -> bool {
     plan.method == Method::Cluster || plan.options.single.turned
 }
@@ -212,7 +213,7 @@ fn is_turned(group: &Group) -> bool {
     }
 }
 
-/// Whether a mesh that several instances place is opened or written out.
+/// Whether a mesh with several instances is opened or written out.
 fn replaces_shared(scene: &Scene, layout: &Layout) -> bool {
     let mut uses = vec![0u32; scene.meshes.len()];
     scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += 1);
@@ -225,7 +226,8 @@ fn replaces_shared(scene: &Scene, layout: &Layout) -> bool {
     uses.iter().zip(kept).any(|(&uses, kept)| uses > 1 && kept < uses)
 }
 
-/// The plans that may change something, and why others are left out. A pass is applied as far as a plan tries it.
+/// Selects the plans that may change something, and states why the others are skipped. A pass is applied if at least
+/// one plan tries it.
 pub(super) fn worth_a_try(
     scene: &Scene,
     before: &Metrics,
@@ -262,7 +264,7 @@ pub(super) fn worth_a_try(
     (tried, passes)
 }
 
-/// Says of the passes whether what was chosen shows what was tried.
+/// Records for each tried pass whether the chosen layout uses it.
 pub(super) fn tell_used(passes: &mut [Pass], scene: &Scene, plan: &Plan, layout: &Layout) {
     for (pass, trial) in with_trials(passes) {
         let shows = (trial.shows)(scene, plan, layout);
@@ -275,14 +277,14 @@ pub(super) fn tell_used(passes: &mut [Pass], scene: &Scene, plan: &Plan, layout:
     }
 }
 
-/// Takes back what was done to the layout, because the input is written as it is.
+/// Marks the layout passes as not applied, because the unchanged input is written.
 pub(super) fn left_alone(passes: &mut [Pass]) {
     for pass in passes.iter_mut().filter(|pass| pass.applied && pass.id != PassId::Measure) {
         (pass.applied, pass.reason, pass.buts) = (false, Reason::InputLeftAlone, Vec::new());
     }
 }
 
-/// The passes that are trials.
+/// The passes that plans may try.
 fn with_trials(passes: &mut [Pass]) -> impl Iterator<Item = (&mut Pass, &'static Trial)> {
     passes.iter_mut().filter_map(|pass| {
         let trial = TRIALS.iter().find(|trial| trial.pass == pass.id)?;
@@ -290,7 +292,7 @@ fn with_trials(passes: &mut [Pass]) -> impl Iterator<Item = (&mut Pass, &'static
     })
 }
 
-/// A pass, left out where the user forbids it.
+/// Returns the pass, skipped if the user forbids it.
 fn unless(pass: Pass, forbidden: bool) -> Pass {
     match forbidden {
         true => Pass { applied: false, reason: Reason::Forbidden, ..pass },
@@ -348,7 +350,7 @@ fn split_opacity(scene: &Scene) -> Pass {
     Pass::since(start, PassId::SplitOpacity, differ, reason)
 }
 
-/// The pass that times candidates on a device: how many were timed, and how long that took.
+/// The pass that times candidates on a device, with their number and the duration.
 pub(super) fn measuring(raced: Result<usize, NotTimed>, seconds: f64) -> Pass {
     let (applied, reason) = match raced {
         Ok(0) => (false, Reason::NotTimed(NotTimed::NoneTaken)),
@@ -358,7 +360,7 @@ pub(super) fn measuring(raced: Result<usize, NotTimed>, seconds: f64) -> Pass {
     Pass { id: PassId::Measure, applied, reason, buts: Vec::new(), seconds }
 }
 
-/// Puts the triangles of rewritten groups in tree order; gives their trees, as [`layout::order_for_good`] does.
+/// Puts the triangles of rewritten groups in tree order; returns their trees like [`layout::order_for_good`].
 pub(super) fn order(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -> (Pass, Vec<Option<Arc<Tree>>>) {
     let start = Instant::now();
     let regrouped = !emit::is_unchanged(layout);

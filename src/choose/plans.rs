@@ -1,4 +1,4 @@
-//! The layouts that `auto` looks at.
+//! The layouts that `auto` considers.
 
 use std::sync::Arc;
 
@@ -15,31 +15,31 @@ impl Default for Effort {
 }
 
 impl Effort {
-    /// The largest.
+    /// The largest level.
     pub const MOST: u8 = 6;
 
-    /// An effort; the largest for more than that.
+    /// Returns the effort of a level, limited to the largest.
     pub fn new(level: u8) -> Effort {
         Effort(level.min(Effort::MOST))
     }
 
-    /// The number.
+    /// The level.
     pub fn level(self) -> u8 {
         self.0
     }
 
-    /// Layouts measured on a device, besides the input and the single BLAS.
+    /// Number of layouts to measure on a device, in addition to the input and the single BLAS.
     pub(super) fn measured(self) -> usize {
         [1, 1, 4, 12, 18, 24, usize::MAX][usize::from(self.0)]
     }
 
-    /// Rays of each kind by which layouts are ranked.
+    /// Number of rays of each kind that layouts are ranked by.
     pub(crate) fn rays(self) -> usize {
         [1024, 2048, 4096, 8192, 8192, 16_384, 32_768][usize::from(self.0)]
     }
 }
 
-/// A layout to be looked at: a method and what it is told.
+/// A layout to consider: a method and its options.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
     pub(crate) id: PlanId,
@@ -48,31 +48,31 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Whether it is laid out by what rays meet.
+    /// Whether the layout is cut by what rays traverse.
     pub(crate) fn is_by_rays(&self) -> bool {
         self.options.cluster.search.segments.is_some()
     }
 
-    /// Whether it puts all that may be regrouped into one BLAS, along the axes of the world.
+    /// Whether everything that may be regrouped goes into one BLAS aligned with the world axes.
     pub(crate) fn is_single(&self) -> bool {
         self.method == Method::Single && !self.options.single.turned
     }
 
-    /// Whether it divides what is larger than the user allows.
+    /// Whether it divides groups that exceed the user's bounds.
     fn is_within_bounds(&self) -> bool {
         self.method == Method::Cluster || self.options.single.turned
     }
 }
 
-/// A plan that is looked at from some effort on.
+/// A plan and the lowest effort that considers it.
 type Entry = (u8, &'static str, Method, fn(&mut Options));
 
-/// Plans from this effort on improve groups by local search, which costs time and does not always pay; those before it
-/// stay as they are, so that more effort never sees less.
+/// Plans that start at this effort or above improve groups by local search, which costs time and does not always pay.
+/// Plans below it are never searched, so that a higher effort considers everything that a lower one does.
 const SEARCHED: u8 = 4;
 
-/// The plans in order of the effort they take; the input as it is comes first. Entry costs beyond the fitted one leave
-/// fewer and larger groups: on devices without RT cores they pay most often.
+/// The plans in order of effort; the unchanged input comes first. Entry costs above the fitted one yield fewer and
+/// larger groups, which pays most often on devices without RT cores.
 const PLANS: [Entry; 38] = [
     (0, "keep", Method::Keep, |_| {}),
     (0, "single", Method::Single, |_| {}),
@@ -125,33 +125,34 @@ const PLANS: [Entry; 38] = [
     (6, "cluster by rays, entry 40", Method::Cluster, |o| cut_by_rays(o, 40.0)),
 ];
 
-/// By rays still to be found (see [`super::segments`]); one group keeps what gains nothing by leaving it.
+/// Cuts by rays that are supplied later (see [`super::segments`]); one group keeps everything that gains nothing by
+/// leaving it.
 fn cut_by_rays(options: &mut Options, entry_cost: f64) {
     options.instances.entry_cost = entry_cost;
     let search = &mut options.cluster.search;
     (search.segments, search.divide) = (Some(Arc::default()), false);
 }
 
-/// As [`cut_by_rays`]; only subtrees leave.
+/// Like [`cut_by_rays`], but only subtrees leave the group.
 fn without_units(options: &mut Options, entry_cost: f64) {
     cut_by_rays(options, entry_cost);
     options.cluster.search.units = false;
 }
 
-/// Instances opened into a given number of pieces, where predictions of the best number fail.
+/// Opens instances into a given number of pieces, for scenes in which predicting the best number fails.
 fn in_pieces(options: &mut Options, pieces: u32) {
     let instances = &mut options.instances;
     (instances.shared, instances.pieces) = (Instances::Choose, instances.pieces.or(Some(pieces)));
 }
 
-/// Groups whose boxes are no longer than this share of the scene's, nor than the user allows.
+/// Limits the boxes of groups to this share of the scene's length, or to the user's limit if that is smaller.
 fn in_boxes(options: &mut Options, entry_cost: f64, max_extent_ratio: f64) {
     options.instances.entry_cost = entry_cost;
     let most = &mut options.cluster.max_group_extent_ratio;
     *most = Some(most.map_or(max_extent_ratio, |asked| asked.min(max_extent_ratio)));
 }
 
-/// The plans of an effort. If the user bounds groups, only those that keep to the bounds remain, and the input.
+/// The plans of an effort. If the user bounds groups, only the input and the plans that keep to the bounds remain.
 pub(crate) fn plans(effort: Effort, options: &Options) -> Vec<Plan> {
     let is_bounded = options.cluster.is_bounded();
     let plan = |&(from, name, method, tell): &Entry| {

@@ -1,10 +1,10 @@
-//! Candidates near the best that were measured.
+//! Candidates near the best measured one.
 //!
-//! What a layout costs on a device changes by some per cent with every few groups, up and down, and no model says where. So
-//! the neighbourhood of the best is measured too: the same plan with a somewhat lower and a somewhat higher entry cost,
-//! from step to step nearer (a pattern search: R. Hooke, T. A. Jeeves, "Direct Search" Solution of Numerical and
-//! Statistical Problems, Journal of the ACM 8(2), 1961), and then the same layout stored along other axes, which changes
-//! nothing but what the driver builds of it.
+//! The cost of a layout on a device varies by a few per cent with every few groups, and no model predicts where.
+//! Therefore the neighbourhood of the best layout is measured too: first the same plan with a slightly lower and a
+//! slightly higher entry cost, in shrinking steps (a pattern search: R. Hooke, T. A. Jeeves, "Direct Search" Solution
+//! of Numerical and Statistical Problems, Journal of the ACM 8(2), 1961), then the same layout stored along other axes,
+//! which changes only what the driver builds from it.
 
 use super::bounds::Bounds;
 use super::candidate::{Candidate, Laid};
@@ -13,25 +13,25 @@ use crate::layout::WAYS;
 use crate::methods::Method;
 use crate::verify::weights::Weights;
 
-/// What is tried next.
+/// What to try next.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Round {
-    /// Entry costs lower and higher than that of the fastest candidate, by this factor.
+    /// Divide and multiply the fastest candidate's entry cost by this factor.
     Entry(f64),
-    /// The fastest `of` candidates along so many other axes.
+    /// Store the fastest `of` candidates in `ways` other axis orientations.
     Axes { of: usize, ways: usize },
 }
 
-/// Candidates slower than this share of the fastest are not worth other axes.
+/// Candidates below this share of the fastest speed are not stored along other axes.
 const NEAR_FASTEST: f64 = 0.95;
 
-/// Candidates timed briefly that are timed again.
+/// Number of briefly timed candidates that are timed again.
 const LOOKED_AT_CLOSELY: usize = 4;
 
-/// A step through all ways to lay axes, coprime to their number, so that the first few differ much.
+/// Step through the axis orientations, coprime to their number, so that the first few differ much.
 const STRIDE: usize = 7;
 
-/// The rounds, in their order.
+/// The rounds, in order.
 pub(super) fn rounds(effort: Effort) -> &'static [Round] {
     use Round::{Axes, Entry};
     match effort.level() {
@@ -43,7 +43,7 @@ pub(super) fn rounds(effort: Effort) -> &'static [Round] {
     }
 }
 
-/// The candidates that were timed and may be taken, fastest first.
+/// The timed candidates that are allowed, fastest first.
 fn fastest<'c>(candidates: &'c [Candidate], weights: &Weights, bounds: &Bounds) -> Vec<(f64, &'c Candidate)> {
     let speed = |c: &'c Candidate| Some((c.speed(weights)?.speedup_ratio, c));
     let allowed = bounds.allow(candidates).into_iter();
@@ -52,7 +52,7 @@ fn fastest<'c>(candidates: &'c [Candidate], weights: &Weights, bounds: &Bounds) 
     timed
 }
 
-/// The neighbours of the fastest candidate so far; none where it has no entry cost to change.
+/// The neighbours of the fastest candidate so far; none if it has no entry cost to change.
 pub(super) fn other_entries(candidates: &[Candidate], weights: &Weights, bounds: &Bounds, step: f64) -> Vec<Plan> {
     let fastest = fastest(candidates, weights, bounds);
     fastest.first().map_or_else(Vec::new, |(_, best)| neighbours(&best.plan, step))
@@ -71,7 +71,7 @@ fn neighbours(plan: &Plan, step: f64) -> Vec<Plan> {
     [1.0 / step, step].map(near).to_vec()
 }
 
-/// The fastest candidates so far along other axes, where they are not clearly slower than the fastest or the input.
+/// The fastest candidates so far along other axes, unless clearly slower than the fastest or the input.
 pub(super) fn other_axes(
     candidates: &[Candidate],
     weights: &Weights,
@@ -85,14 +85,14 @@ pub(super) fn other_axes(
     near.flat_map(|(_, candidate)| (1..=ways).map(|i| turned(candidate, i * STRIDE % usize::from(WAYS)))).collect()
 }
 
-/// The fastest few of the candidates that were timed briefly: their indices.
+/// Indices of the fastest briefly timed candidates.
 pub(super) fn worth_a_closer_look(near: &[Candidate]) -> Vec<usize> {
     let mut timed: Vec<(f64, usize)> = near.iter().enumerate().filter_map(|(i, c)| Some((c.brief?, i))).collect();
     timed.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     timed.into_iter().take(LOOKED_AT_CLOSELY).map(|(_, i)| i).collect()
 }
 
-/// A candidate along other axes, which costs as much as far as anyone can tell.
+/// A candidate stored along other axes; its predicted cost is the same.
 fn turned(candidate: &Candidate, axes: usize) -> Candidate {
     let laid = Laid { axes: axes as u8, ..candidate.laid.clone() };
     let plan = Plan { id: candidate.plan.id.along(axes as u8), ..candidate.plan.clone() };

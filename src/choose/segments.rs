@@ -1,4 +1,4 @@
-//! The rays that layouts are ranked by, as far as they go, for methods that lay out by what rays meet.
+//! Segments of the rays that layouts are ranked by, for methods that cut by what rays traverse.
 
 use std::sync::Arc;
 
@@ -10,11 +10,11 @@ use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays::{Ray, RayKind, Rays};
 use crate::verify::weights::Weights;
 
-/// Rays that hit nothing count up to this many radii of the scene.
+/// Length, in scene radii, that rays without a hit are cut to.
 const FAR: f64 = 4.0;
 
-/// Plans with the segments that those by rays need: of each kind of rays that counts anything, those that count less
-/// fewer times. Trees and rays are those of the scene seen from `vantage`.
+/// Returns the plans, with segments for those cut by rays. Each ray kind contributes rays in proportion to its weight,
+/// the kind of the largest weight all of them. `trees` and `rays` are relative to `vantage`.
 pub(crate) fn given(plans: &[Plan], trees: &TwoLevel, rays: &Rays, weights: &Weights, vantage: DVec3) -> Vec<Plan> {
     let mut plans = plans.to_vec();
     if plans.iter().any(Plan::is_by_rays) {
@@ -48,7 +48,7 @@ fn segment(ray: &Ray, length: f64) -> Segment {
     Segment::new(ray.origin.as_dvec3(), ray.direction.as_dvec3(), length)
 }
 
-/// So many of some things, spread over all of them.
+/// Selects up to `count` items, evenly spread.
 fn evenly<T>(all: &[T], count: usize) -> impl Iterator<Item = &T> {
     (0..count.min(all.len())).map(move |i| &all[i * all.len() / count.min(all.len())])
 }
