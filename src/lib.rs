@@ -1,7 +1,7 @@
 //! Raykiln bakes scenes for hardware ray tracing: it reads OBJ or glTF, decides which triangles share a bottom-level
 //! acceleration structure (BLAS), writes glTF whose structure says so, and verifies what it wrote.
 //!
-//! From a path, and from bytes in memory:
+//! A bake of a file, and a bake of bytes in memory:
 //!
 //! ```
 //! use raykiln::{BakeOptions, DeviceChoice, Verdict};
@@ -13,7 +13,10 @@
 //! options.verify.device = DeviceChoice::Cpu;
 //! # (options.verify.rays_per_kind, options.verify.timed_rays_per_kind, options.verify.repeats) = (500, Some(500), 1);
 //! let report = raykiln::bake("samples/staggered/scene.glb", &output, &options)?;
-//! println!("{}: two-level cost {:.2}, was {:.2}", report.method.chosen, report.after.two_level_cost, report.before.two_level_cost);
+//! println!(
+//!     "{}: two-level cost {:.2}, was {:.2}",
+//!     report.method.chosen, report.after.two_level_cost, report.before.two_level_cost
+//! );
 //! # assert_ne!(report.verdict, Verdict::Failed);
 //! # assert!(output.exists());
 //!
@@ -24,16 +27,17 @@
 //! # }
 //! ```
 //!
-//! What stands on this page is the interface. Options have defaults and public fields, which a program sets one by one;
-//! options, reports and errors may get further fields and variants. Without the feature `cli` the program and what it needs is
-//! left out, without `lab` the experiments, without `vulkan` the devices: rays are then traced on the CPU.
+//! The items on this page are the public interface. Options have defaults and public fields, which a program sets one
+//! by one; options, reports and errors may gain fields and variants. Without the feature `cli`, the program and its
+//! dependencies are omitted; without `lab`, the experiments; without `vulkan`, the devices: rays are then traced on the
+//! CPU.
 //!
-//! The modules are open to tools of this project and change with it. They stand in the order of the data flow; arrows run one way, from the last to the first: [`scene`] (what a
-//! ray tracer sees), [`tree`] (trees over boxes), [`layout`] (which triangles share a BLAS), [`cost`] (metrics),
-//! [`methods`] (how layouts are made), [`mod@verify`] (rays through before and after), [`copies`] (meshes that are copies of
-//! others), [`emit`] (a layout made into a document), [`choose`] (which layout to write), [`report`], [`commands`],
-//! [`lab`] and [`cli`].
-//! Reading and writing files is the crate `raykiln-formats`.
+//! The modules are public for the tools of this project and may change. They are listed in the order of the data flow;
+//! dependencies point one way, from later to earlier modules: [`scene`] (what a ray tracer sees), [`tree`] (trees over
+//! boxes), [`layout`] (which triangles share a BLAS), [`cost`] (metrics), [`methods`] (how layouts are made),
+//! [`mod@verify`] (traces rays through input and output), [`copies`] (meshes that are copies of others), [`emit`]
+//! (turns a layout into a document), [`choose`] (which layout to write), [`report`], [`commands`], [`lab`] and [`cli`].
+//! The crate `raykiln-formats` reads and writes files.
 
 pub mod choose;
 #[cfg(feature = "cli")]

@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
-/// A bake frees large and small pieces of memory in turn. The GNU C library keeps what was freed, up to a third of the
-/// peak; mimalloc gives it back.
+/// A bake alternates between freeing large and small blocks. The GNU C library retains freed memory, up to a third of
+/// the peak; mimalloc returns it to the system.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

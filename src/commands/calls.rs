@@ -1,4 +1,4 @@
-//! The commands as one call each, for programs that use the library.
+//! Each command as one function, for programs that use the library.
 
 use std::path::Path;
 use std::{env, fs};
@@ -16,11 +16,11 @@ use crate::report::{BakeReport, InspectReport, VerifyReport};
 use crate::scene::LoadOptions;
 use crate::verify::VerifyOptions;
 
-/// Bakes the file `input` (OBJ, glTF or GLB) into the file `output` (`.glb`, or `.gltf` with a `.bin` beside it). If the
-/// verification fails, the report says so and `output` is left as it was.
+/// Bakes the file `input` (OBJ, glTF or GLB) into the file `output` (`.glb`, or `.gltf` with a `.bin` beside it). If
+/// the verification fails, the report says so and `output` is left unchanged.
 ///
 /// # Errors
-/// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
+/// Fails if the input cannot be read, the output cannot be written, or the selected device cannot trace rays.
 pub fn bake(
     input: impl AsRef<Path>,
     output: impl AsRef<Path>,
@@ -31,22 +31,22 @@ pub fn bake(
     Ok(report)
 }
 
-/// What a bake in memory produced.
+/// The result of a bake in memory.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct BakedBytes {
-    /// What was done, and how the verification ended.
+    /// What was done, and the result of the verification.
     pub report: BakeReport,
     /// A GLB file; `None` if the verification failed.
     pub glb: Option<Vec<u8>>,
 }
 
-/// Bakes the bytes of a file that refers to no other, such as a GLB; `name` gives its extension and stands in messages. As
-/// in [`bake`], what is returned was written, read back and verified, in a hidden folder of the system's folder for
-/// temporary files.
+/// Bakes the bytes of a file that refers to no other, such as a GLB; `name` gives its extension and appears in
+/// messages. As in [`bake`], the result was written, read back and verified; this uses a hidden folder in the system's
+/// temporary folder.
 ///
 /// # Errors
-/// As [`bake`]; also bytes that refer to a file.
+/// Like [`bake`]; also fails if the bytes refer to a file.
 pub fn bake_bytes(
     name: impl AsRef<Path>,
     bytes: impl Into<Vec<u8>>,
@@ -60,19 +60,19 @@ pub fn bake_bytes(
     Ok(BakedBytes { report, glb: output.map(read).transpose()? })
 }
 
-/// Looks at a file without changing it.
+/// Inspects a file without changing it.
 ///
 /// # Errors
-/// An input that cannot be read.
+/// Fails if the input cannot be read.
 pub fn inspect(input: impl AsRef<Path>, options: &LoadOptions) -> Result<InspectReport, Error> {
     let source = input.as_ref().into();
     in_pool(|| look(source, options))
 }
 
-/// Looks at the bytes of a file that refers to no other; `name` gives its extension and stands in messages.
+/// Inspects the bytes of a file that refers to no other; `name` gives its extension and appears in messages.
 ///
 /// # Errors
-/// As [`inspect`]; also bytes that refer to a file.
+/// Like [`inspect`]; also fails if the bytes refer to a file.
 pub fn inspect_bytes(
     name: impl AsRef<Path>,
     bytes: impl Into<Vec<u8>>,
@@ -82,11 +82,11 @@ pub fn inspect_bytes(
     in_pool(|| look(source, options))
 }
 
-/// Traces the same rays through the files `before` and `after` and compares what they hit and how fast they are; `by` says how
-/// their triangles are matched.
+/// Traces the same rays through the files `before` and `after`, and compares what they hit and how fast they are
+/// traced; `by` selects how triangles are matched.
 ///
 /// # Errors
-/// A file that cannot be read; a device named that cannot trace.
+/// Fails if a file cannot be read, or the selected device cannot trace rays.
 pub fn verify(
     before: impl AsRef<Path>,
     after: impl AsRef<Path>,
@@ -101,8 +101,8 @@ fn staged(source: Source, output: &Path, options: &BakeOptions) -> Result<Baked,
     in_pool(|| stage(source, output, options, &mut |_| {}))
 }
 
-/// Runs a whole command inside the caller's thread pool, or the global one: a parallel loop that is started outside of it costs
-/// several system calls per piece of work.
+/// Runs a whole command inside the caller's thread pool, or the global one: a parallel loop that starts outside of it
+/// costs several system calls per piece of work.
 fn in_pool<R: Send>(command: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| command())
 }

@@ -1,18 +1,18 @@
-//! Why a command came to nothing.
+//! Why a command failed.
 
 use crate::verify::DeviceError;
 
-/// Why a command came to nothing.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CommandError {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] raykiln_formats::Error),
-    /// The device named to trace on cannot do it.
+    /// The selected device cannot trace rays.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// Raykiln made something it must not make.
+    /// Raykiln produced something invalid.
     #[error("internal error, please report it: {0}")]
     Internal(String),
 }

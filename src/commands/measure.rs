@@ -1,4 +1,4 @@
-//! The metrics of scenes as they stand.
+//! Metrics of scenes as they are.
 
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::{self, Metrics};
@@ -8,23 +8,23 @@ use crate::report::notes::built_per_primitive;
 use crate::scene::Scene;
 use crate::verify::Sides;
 
-/// The metrics of a scene as it stands, with one BLAS a mesh.
+/// Returns the metrics of an unchanged scene with one BLAS per mesh.
 pub(super) fn measure_as_is(scene: &Scene) -> Metrics {
     measure_as_built(scene, BlasPer::Mesh)
 }
 
-/// The metrics of a scene as it stands and as its consumer builds it.
+/// Returns the metrics of an unchanged scene as its consumer builds it.
 pub(super) fn measure_as_built(scene: &Scene, per: BlasPer) -> Metrics {
     measure_with(scene, &MeshTrees::default(), per)
 }
 
-/// As [`measure_as_built`], where trees of the scene's meshes are known.
+/// Like [`measure_as_built`], with known trees for the scene's meshes.
 pub(crate) fn measure_with(scene: &Scene, trees: &MeshTrees, per: BlasPer) -> Metrics {
     let layout = methods::run(Method::Keep, scene, &methods::Options::default());
     cost::measure_with(scene, &layout::as_built(scene, &layout, per), trees)
 }
 
-/// Where metrics are those of one BLAS a primitive, what the two scenes would cost with one a mesh.
+/// If metrics are for one BLAS per primitive, returns a note on what both scenes would cost with one per mesh.
 pub(crate) fn per_primitive_note(per: BlasPer, scenes: Sides<&Scene>, metrics: Sides<&Metrics>) -> Vec<String> {
     if per == BlasPer::Mesh {
         return Vec::new();

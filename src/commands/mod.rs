@@ -1,4 +1,4 @@
-//! What each command does, without a command line.
+//! The commands, independent of the command line.
 
 pub mod bake;
 pub mod calls;

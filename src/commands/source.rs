@@ -23,7 +23,7 @@ impl Source {
     /// Reads the scene.
     ///
     /// # Errors
-    /// As [`raykiln_formats::read`] and [`raykiln_formats::read_bytes`].
+    /// Like [`raykiln_formats::read`] and [`raykiln_formats::read_bytes`].
     pub fn read(self) -> Result<Document, Error> {
         match self {
             Source::File(path) => raykiln_formats::read(&path),

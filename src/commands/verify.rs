@@ -1,4 +1,4 @@
-//! Two files of one scene, compared: an output against its input, whoever wrote it.
+//! Compares two files of one scene: an output with its input, whichever program wrote it.
 
 use std::path::Path;
 use std::time::Instant;
@@ -16,18 +16,18 @@ use crate::verify::{Machine, Matching, Sides, Verification, VerifyOptions};
 /// How to match the triangles of two files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MatchBy {
-    /// By identity where the file to verify says where its triangles come from and at least half of them lead to
-    /// triangles of the other file; else by surface.
+    /// By identity if the file to verify records where its triangles come from and at least half of them refer to
+    /// triangles of the other file; otherwise by surface.
     #[default]
     Auto,
-    /// As told, whatever the files say.
+    /// Always this way, whatever the files record.
     Always(Matching),
 }
 
-/// Verifies the file `after` against the file `before`; `by` overrides what the options say about matching.
+/// Verifies the file `after` against the file `before`; `by` replaces `options.matching`.
 ///
 /// # Errors
-/// A file that cannot be read; a device named that cannot trace.
+/// Fails if a file cannot be read, or the selected device cannot trace rays.
 pub fn compare(
     before: &Path,
     after: &Path,
@@ -69,7 +69,7 @@ pub fn compare(
     })
 }
 
-/// A file as a scene, and what the reader mended or left out.
+/// Reads a file as a scene, with warnings about what the reader repaired or omitted.
 pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
     let doc = raykiln_formats::read(path)?;
     let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
@@ -95,7 +95,7 @@ fn names_its_sources(scene: &Scene) -> bool {
     scene.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some())
 }
 
-/// What to say about a choice that the user may want to make otherwise.
+/// A note if the user may prefer the other way of matching.
 fn note(by: MatchBy, chosen: Matching, after: &Scene, found: &Verification) -> Option<AboutMatching> {
     match (by, chosen) {
         (MatchBy::Auto, Matching::Surface) if names_its_sources(after) => Some(AboutMatching::OfAnotherInput),

@@ -1,4 +1,4 @@
-//! Time by stage.
+//! Time per stage.
 
 use std::time::Instant;
 
@@ -15,12 +15,12 @@ pub enum Stage {
     Optimise,
     /// Writing the output.
     Write,
-    /// Reading the output back and tracing both.
+    /// Reading the output back and tracing rays through input and output.
     Verify,
 }
 
 impl Stage {
-    /// The stage as a person reads it.
+    /// The text shown to the user.
     pub fn label(self) -> &'static str {
         match self {
             Stage::Read => "reading",
@@ -32,7 +32,7 @@ impl Stage {
     }
 }
 
-/// Adds up the time spent in each stage and tells of every change.
+/// Adds up the time spent in each stage and reports every change of stage.
 pub(super) struct Clock<'a> {
     started: Instant,
     current: Option<(Stage, Instant)>,
@@ -70,7 +70,7 @@ impl<'a> Clock<'a> {
     }
 }
 
-/// The largest resident set of this process so far; `None` where the system does not tell (elsewhere than on Linux).
+/// The peak resident set size of this process in bytes; `None` if the system does not report it (only Linux does).
 pub(super) fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

@@ -28,7 +28,7 @@ use crate::verify::{Machine, Sides, Verification, VerifyOptions};
 use clock::Clock;
 use copies::Sharing;
 
-/// What a bake may be told.
+/// Options of a bake.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct BakeOptions {
@@ -38,16 +38,16 @@ pub struct BakeOptions {
     pub copies: FindCopies,
     /// How the input is read.
     pub load: LoadOptions,
-    /// Drop empty nodes nobody refers to.
+    /// Drop empty nodes that nothing refers to.
     pub prune: bool,
-    /// Write instances of one mesh as copies of one node where the largest position error allowed is kept.
+    /// Write instances of one mesh as copies of one node if that keeps within the largest position error allowed.
     pub copy_instances: bool,
     /// How the output is verified.
     pub verify: VerifyOptions,
 }
 
 impl BakeOptions {
-    /// How documents are made.
+    /// Options for making documents.
     fn emit(&self) -> emit::Options {
         let max_position_error_ratio = self.verify.max_position_error_ratio;
         let instancing = match self.copy_instances {
@@ -57,7 +57,7 @@ impl BakeOptions {
         emit::Options { prune: self.prune, instancing }
     }
 
-    /// What of it the report repeats.
+    /// The options echoed in the report.
     fn reported(&self) -> ReportedOptions {
         let (choose, layout, verify) = (&self.choose, &self.choose.layout, &self.verify);
         let if_set = |asked: bool, forbidden: bool| match (asked, forbidden, choose.method) {
@@ -83,20 +83,20 @@ impl BakeOptions {
     }
 }
 
-/// What a bake came to.
+/// The result of a bake.
 #[derive(Debug)]
 pub struct Baked {
-    /// What was done, and what came of it.
+    /// What was done, and its result.
     pub report: BakeReport,
-    /// The output, not yet in place; none on a failed verification.
+    /// The output, not yet in place; `None` if the verification failed.
     pub output: Option<Staged>,
 }
 
-/// Bakes `input` into what will be `output` once it is put in place. On a failed verification the report says so and there
-/// is no output.
+/// Bakes `input`; the result replaces `output` once it is committed. If the verification fails, the report says so and
+/// there is no output.
 ///
 /// # Errors
-/// An input that cannot be read, an output that cannot be written, a device named that cannot trace.
+/// Fails if the input cannot be read, the output cannot be written, or the selected device cannot trace rays.
 pub fn bake(
     input: Source,
     output: &Path,
@@ -174,25 +174,25 @@ fn words_of(all: &[impl ToString]) -> Vec<String> {
 struct Given<'a> {
     doc: Document,
     scene: &'a Scene,
-    /// The scene that was laid out, in which meshes may stand in for copies.
+    /// The scene that was laid out, in which models may replace copies.
     staged: Cow<'a, Scene>,
-    /// The trees of its meshes.
+    /// The trees of `scene`'s meshes.
     trees: &'a MeshTrees,
 }
 
-/// A layout written, staged, and verified.
+/// A layout that was written, staged and verified.
 struct Tried {
     written: Written,
     /// The scene that was read back.
     after: Scene,
-    /// The trees of its meshes.
+    /// The trees of `after`'s meshes.
     trees: MeshTrees,
     verification: Verification,
     verdict: Verdict,
 }
 
 impl Tried {
-    /// Tries a layout; the input as it is instead where the layout was measured to be faster and is not after all.
+    /// Tries a layout; falls back to the unchanged input if the layout was measured faster but turns out not to be.
     fn or_left_alone(
         given: Given,
         chosen: Chosen,
@@ -220,7 +220,7 @@ impl Tried {
         Ok((chosen, tried))
     }
 
-    /// Holds what was written against the input as it was read, without meshes that stand in for copies.
+    /// Verifies what was written against the input as it was read, before models replaced copies.
     fn new(
         (scene, trees): (&Scene, &MeshTrees),
         written: Written,
@@ -239,7 +239,7 @@ impl Tried {
     }
 }
 
-/// Whether the input may be written instead of a layout, once that is verified.
+/// Whether the input may be written instead of this layout after it was verified.
 fn can_be_left_alone(chosen: &Chosen) -> bool {
     chosen.may_be_left_alone && !emit::is_unchanged(&chosen.layout)
 }
@@ -248,12 +248,12 @@ struct Written {
     staged: Staged,
     /// Whether the output is the input.
     unchanged: bool,
-    /// What became copies of one node; `None` where that was not asked for.
+    /// Instances that became copies of one node; `None` if that was not requested.
     copied: Option<Copied>,
-    /// How many nodes were dropped; `None` if that was not asked for.
+    /// Number of nodes dropped; `None` if that was not requested.
     pruned: Option<usize>,
     notes: Vec<emit::Note>,
-    /// Time to make the document.
+    /// Time to make the document, in seconds.
     seconds: f64,
 }
 
@@ -268,7 +268,7 @@ impl Written {
     }
 }
 
-/// Writes the output, staged; byte for byte the input where nothing changes.
+/// Writes the output, staged; a byte-for-byte copy of the input if nothing changes.
 fn write(
     doc: &Document,
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! What the copies of each model cost where they are turned: the boxes around a turned model are looser.
+//! The cost of sharing turned copies: the boxes around a turned model are looser.
 
 use std::collections::BTreeMap;
 
@@ -12,18 +12,18 @@ use crate::layout::BlasPer;
 use crate::methods::{self, Method};
 use crate::scene::{MeshId, Scene};
 
-/// The copies of a model that are turned so that its boxes are looser than theirs.
+/// The copies of one model that are turned such that the model's boxes are looser than their own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Class {
     pub(super) model: MeshId,
-    /// What sharing them adds to the two-level cost of the scene, the TLAS's nodes apart; below 0 where the model lies
-    /// better than they do. Infinite where it is no number.
+    /// What sharing them adds to the two-level cost of the scene, excluding TLAS nodes; negative if the model's boxes
+    /// are tighter than theirs. Infinite if it is not a number.
     pub(super) added_cost: f64,
-    /// Predicted bytes of BLASes that sharing them saves.
+    /// Predicted BLAS bytes that sharing them saves.
     pub(super) saved_bytes: u64,
 }
 
-/// What the two-level cost counts for each instance, in squared world units: to enter it, and the trees below.
+/// The share of each instance in the two-level cost, in squared world units: its entry and the BLASes below.
 pub(super) fn costs_of_instances(scene: &Scene, trees: &MeshTrees, per: BlasPer) -> Vec<f64> {
     let kept = methods::run(Method::Keep, scene, &methods::Options::default());
     let layout = layout::as_built(scene, &kept, per);
@@ -39,8 +39,8 @@ pub(super) fn costs_of_instances(scene: &Scene, trees: &MeshTrees, per: BlasPer)
     costs
 }
 
-/// The turned copies by their models, those first that cost least for the bytes they save. `costs` are those of the
-/// scene's instances without and with all copies shared; `scene` is that without.
+/// The turned copies grouped by model, in ascending order of cost per byte saved. `costs` are those of the scene's
+/// instances without and with all copies shared; `scene` is the one without.
 pub(super) fn classes(scene: &Scene, copies: &Copies, costs: [&[f64]; 2]) -> Vec<Class> {
     let mut classes: BTreeMap<MeshId, Class> = BTreeMap::new();
     let mut model_of = vec![None; scene.meshes.len()];
@@ -66,7 +66,7 @@ pub(super) fn classes(scene: &Scene, copies: &Copies, costs: [&[f64]; 2]) -> Vec
     classes
 }
 
-/// How many of the first classes together add no more cost than that.
+/// The number of leading classes that together add at most `most_added_cost`.
 pub(super) fn affordable(classes: &[Class], most_added_cost: f64) -> usize {
     let mut sum = 0.0;
     let fits = |class: &&Class| {

@@ -1,4 +1,4 @@
-//! What a scene is made of, what it costs, and which vendor rules it breaks.
+//! Inspects a scene: what it consists of, what it costs, and which vendor rules it breaks.
 
 mod rules;
 
@@ -8,13 +8,13 @@ use crate::cost::overlap::{self, Pair};
 use crate::report::{Input, InspectReport, OverlappingPair};
 use crate::scene::{self, Bounds, Instance, LoadOptions, Scene};
 
-/// Pairs that are listed.
+/// Number of pairs to list.
 const WORST: usize = 10;
 
-/// Looks at a file without changing it.
+/// Inspects a file without changing it.
 ///
 /// # Errors
-/// An input that cannot be read.
+/// Fails if the input cannot be read.
 pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, raykiln_formats::Error> {
     let doc = source.read()?;
     let (scene, warnings) = scene::load(&doc, options)?;
@@ -54,7 +54,7 @@ fn named(scene: &Scene, pair: &Pair, scene_area: f64) -> OverlappingPair {
     OverlappingPair { a: name(pair.a), b: name(pair.b), overlap_ratio: pair.area / scene_area }
 }
 
-/// A name for people: the node's, or its number.
+/// A name to display: the node's name, or its number.
 fn name_of(instance: &Instance) -> String {
     let copy = if instance.copy > 0 { format!(" copy {}", instance.copy) } else { String::new() };
     match instance.name.as_str() {

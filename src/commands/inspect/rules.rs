@@ -12,7 +12,7 @@ use crate::cost::bytes;
 use crate::report::{Broken, Finding, OverlappingPair, Severity};
 use crate::scene::{Mesh, Scene};
 
-/// A pair is worth a finding when its overlap over the scene's area exceeds this (the thesis's skip threshold).
+/// A pair is reported if its overlap over the scene's area exceeds this (the skip threshold of the thesis).
 const OVERLAP_RATIO: f64 = 0.005;
 const MOST_ACCELERATION_STRUCTURES: usize = 300_000;
 const MOST_INSTANCES_CONSOLE: usize = 100_000;
@@ -21,13 +21,13 @@ const MOST_GEOMETRIES: usize = 1 << 24;
 const MOST_TRIANGLES: usize = 1 << 29;
 const LARGEST_COORDINATE: f64 = 8e6;
 const SMALLEST_EXTENT: f64 = 1e-3;
-/// Largest over smallest axis of a transform beyond which its box counts as loose.
+/// Ratio of a transform's largest to smallest axis above which its box counts as loose.
 const LOOSE_SCALE: f64 = 4.0;
 
-/// The rules that are checked; docs/inspect.md lists the others, which are not.
+/// The rules that are checked; docs/inspect.md also lists those that are not.
 pub(super) const CHECKED: [&str; 9] = ["RK001", "RK003", "RK008", "RK010", "RK011", "RK012", "RK013", "RK015", "RK016"];
 
-/// All findings, in the order of the rules' ids.
+/// All findings, ordered by rule id.
 pub(super) fn findings(scene: &Scene, worst: &[OverlappingPair]) -> Vec<Finding> {
     let mut found = overlapping(worst);
     found.extend(duplicates(scene));
@@ -50,7 +50,7 @@ fn overlapping(worst: &[OverlappingPair]) -> Vec<Finding> {
         .collect()
 }
 
-/// Meshes with equal vertices and triangles that could be one.
+/// Meshes with equal vertices and triangles that could be shared.
 fn duplicates(scene: &Scene) -> Option<Finding> {
     let mut by_content: BTreeMap<u64, Vec<&Mesh>> = BTreeMap::new();
     for mesh in scene.meshes.iter() {
@@ -111,7 +111,7 @@ fn limits(scene: &Scene) -> Vec<Finding> {
     .collect()
 }
 
-/// Instances whose transform stretches or shears, counted together.
+/// Instances whose transform stretches or shears, reported as one finding.
 fn loose_transforms(scene: &Scene) -> Option<Finding> {
     let stretch = |m: glam::DMat3| {
         let (shortest, longest) = singular_range(&m);
@@ -123,8 +123,8 @@ fn loose_transforms(scene: &Scene) -> Option<Finding> {
     Some(Finding::new("RK013", Severity::Info, name_of(first), &broken))
 }
 
-/// The smallest and largest singular value of a matrix: roots of the eigenvalues of its Gram matrix, in closed form
-/// (O. K. Smith, "Eigenvalues of a symmetric 3x3 matrix", 1961).
+/// The smallest and largest singular value of a matrix: square roots of the eigenvalues of its Gram matrix, in closed
+/// form (O. K. Smith, "Eigenvalues of a symmetric 3x3 matrix", 1961).
 fn singular_range(m: &glam::DMat3) -> (f64, f64) {
     let gram = m.transpose() * *m;
     let mean = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;
