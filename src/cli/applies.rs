@@ -1,4 +1,4 @@
-//! Which options of `bake` apply to which methods. One that is given and does not apply is an error, not passed over.
+//! Which options of `bake` apply to which methods. An option that is given but does not apply is an error.
 
 use anyhow::{Result, ensure};
 use clap::ArgMatches;
@@ -12,11 +12,11 @@ use crate::methods::{Instances, Method};
 struct Applies {
     /// Its name on the command line.
     option: &'static str,
-    /// Methods, whatever else is given.
+    /// The methods, regardless of other options.
     to: &'static [Method],
-    /// Methods with `--instances choose`.
+    /// Further methods with `--instances choose`.
     if_choosing: &'static [Method],
-    /// `auto`, whatever its plans are.
+    /// Whether it applies to `auto` regardless of its plans.
     to_auto: bool,
 }
 
@@ -35,7 +35,7 @@ const fn if_choosing(option: &'static str, to: &'static [Method]) -> Applies {
     Applies { option, to, if_choosing: BAKING, to_auto: false }
 }
 
-/// All options that do not apply to every method.
+/// The options that do not apply to every method.
 const OPTIONS: [Applies; 18] = [
     to_auto_and("effort", &[]),
     to_auto_and("device-class", &[]),
@@ -64,10 +64,10 @@ pub(super) fn given(arguments: &ArgMatches) -> Vec<&'static str> {
     OPTIONS.iter().map(|applies| applies.option).filter(|option| is_given(option)).collect()
 }
 
-/// Refuses options that do not apply.
+/// Rejects options that do not apply.
 ///
 /// # Errors
-/// One that does not, and what it applies to.
+/// Names the first such option and what it applies to.
 pub(super) fn check(given: &[&str], choose: &ChooseOptions) -> Result<()> {
     for applies in OPTIONS.iter().filter(|applies| given.contains(&applies.option)) {
         ensure!(
@@ -98,7 +98,7 @@ impl Applies {
     }
 
     fn to_plan(&self, plan: &Plan, choose: &ChooseOptions) -> bool {
-        // One BLAS in a frame of its own is what `cluster` makes of it if entering another one costs too much.
+        // A single BLAS in a frame of its own is what `cluster` yields if entering a second one costs too much.
         let is_turned = plan.options.single.turned;
         let of_plan = plan.options.instances.entry_cost;
         let has_own = self.option == "entry-cost" && (is_turned || of_plan != choose.layout.instances.entry_cost);
@@ -109,7 +109,7 @@ impl Applies {
         !has_own && self.to_method(if is_turned { Method::Cluster } else { plan.method }, shared)
     }
 
-    /// What it applies to, for people.
+    /// What the option applies to, in words.
     fn words(&self, choose: &ChooseOptions) -> String {
         let names =
             |methods: &mut dyn Iterator<Item = &Method>| methods.map(|m| m.name()).collect::<Vec<_>>().join(", ");
@@ -134,7 +134,7 @@ mod tests {
     use super::super::args::{Arguments, Command};
     use super::*;
 
-    /// What a command line is refused for, if at all.
+    /// The error for a command line, if any.
     fn refusal(arguments: &str) -> Option<String> {
         let words = ["raykiln", "bake", "in.glb", "-o", "out.glb"].into_iter().chain(arguments.split_whitespace());
         let matches = Arguments::command().try_get_matches_from(words).expect(arguments);
@@ -143,7 +143,7 @@ mod tests {
         check(&given(&matches), &bake.options().expect(arguments).choose).err().map(|error| error.to_string())
     }
 
-    /// A value of every option, and the methods that it applies to, without and with `--instances choose`.
+    /// For each option with a value: the methods that it applies to, without and with `--instances choose`.
     const TABLE: [(&str, &str, &str); 18] = [
         ("--effort 2", "auto", "auto"),
         ("--device-class rt-cores", "auto", "auto"),

@@ -1,10 +1,11 @@
-//! Signals that tell the program to end: it takes away what it has staged first.
+//! Handles signals that end the program: removes staged files first.
 //!
-//! Only the program heeds them, not the library. Files that are being renamed into place get there first, all of them; a
-//! second signal changes nothing. Elsewhere than on Unix hidden folders stay where the program is ended from outside.
+//! Only the program installs handlers, not the library. If files are being renamed into place, all of them are renamed
+//! first; a second signal has no effect. On systems other than Unix, hidden folders remain if the program is ended from
+//! outside.
 
-/// From now on, Ctrl-C and the signals TERM and HUP remove staged files before they end the program. Those that it was
-/// started to ignore, as by `nohup`, it ignores.
+/// After this call, Ctrl-C and the signals TERM and HUP remove staged files before they end the program. Signals that
+/// were ignored when the program started, as by `nohup`, stay ignored.
 #[cfg(unix)]
 pub(super) fn install_handlers() {
     use raykiln_formats::staging;
@@ -23,21 +24,21 @@ pub(super) fn install_handlers() {
             end(signal);
         }
     };
-    // Signals are not caught unless there is a thread that they can reach.
+    // Catches signals only if there is a thread to handle them.
     if thread::Builder::new().name("signals".into()).spawn(wait).is_ok() {
         let _ = is_ready.recv();
     }
 }
 
-/// There are no such signals.
+/// Does nothing: there are no such signals.
 #[cfg(not(unix))]
 pub(super) fn install_handlers() {}
 
-/// Where it cannot be known whether `nohup` asks to ignore it, the signal is left as it is.
+/// HUP is handled only on systems that show whether `nohup` asked to ignore it.
 #[cfg(unix)]
 const HANGUP: Option<i32> = if cfg!(target_os = "linux") { Some(signal_hook::consts::SIGHUP) } else { None };
 
-/// Whether the program was started with the signal ignored, as far as the system tells.
+/// Whether the signal was ignored when the program started, as far as the system reports it.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -46,10 +47,10 @@ fn is_ignored(signal: i32) -> bool {
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Ends the program as the signal does where nobody heeds it: a shell sees the status 128 + signal.
+/// Ends the program like the default action of the signal: a shell sees the status 128 + signal.
 #[cfg(unix)]
 fn end(signal: i32) -> ! {
-    // The first process of a container is not ended by signals that it does not install_handlers.
+    // The kernel does not end the first process of a container by signals without a handler.
     if std::process::id() != 1 {
         let _ = signal_hook::low_level::emulate_default_handler(signal);
     }

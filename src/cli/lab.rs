@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::{FAILED, print, print_error, print_for_people};
 use crate::lab;
 
-/// Runs the experiment of a configuration and prints its summary.
+/// Runs the experiment that a configuration describes and prints its summary.
 pub(super) fn run(config: &Path, output: &Output) -> Result<ExitCode> {
     let mut progress = Progress::new(output.quiet);
     let done = lab::run(config, &mut |scene| {

@@ -32,7 +32,7 @@ const FAILED: u8 = 1;
 /// Exit status of bad usage or bad input.
 const BAD: u8 = 2;
 
-/// Runs the program on the process's arguments.
+/// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
     let matches = Arguments::command().get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
@@ -41,7 +41,7 @@ pub fn run() -> ExitCode {
     }
     let given = applies::given(&matches);
     let done = in_pool(arguments.output.threads, || dispatch(&arguments, &given));
-    // Where a signal took the staged files away, it ends the program, not an error that comes of that.
+    // If a signal removed the staged files, the signal ends the program, not an error caused by their absence.
     drop(Hold::new());
     match done {
         Ok(status) => status,
@@ -52,11 +52,11 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Stack of a thread, in bytes: what main threads have.
+/// Stack size of a thread in bytes: that of main threads.
 const STACK: usize = 8 << 20;
 
-/// Runs a whole command inside one thread pool. A parallel loop that is started outside of it hands every piece of work over
-/// through a queue and waits for it asleep, which costs several system calls each time.
+/// Runs a whole command inside one thread pool. A parallel loop that starts outside of it passes every piece of work
+/// through a queue and sleeps until it is done, which costs several system calls each time.
 fn in_pool(threads: Option<u16>, command: impl FnOnce() -> Result<ExitCode> + Send) -> Result<ExitCode> {
     let threads = threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build().context("--threads")?;
@@ -96,7 +96,7 @@ fn run_bake(arguments: &BakeArguments, given: &[&str], output: &Output) -> Resul
     let Baked { report, output: scene } = baked?;
     let json = report::json::to_json(&report);
     let reports = reports.stage(&json)?;
-    // While nothing is in place: where this fails there must be no output.
+    // Printed before anything is in place: if it fails, there must be no output.
     if arguments.json {
         print(json.as_bytes())?;
     }
@@ -113,7 +113,7 @@ fn run_bake(arguments: &BakeArguments, given: &[&str], output: &Output) -> Resul
     })
 }
 
-/// All files or none, signals or not.
+/// Puts all files in place or none, even if a signal arrives.
 fn put_in_place(scene: Option<Staged>, reports: StagedReports) -> Result<()> {
     let _hold = Hold::new();
     let placed = scene.map(Staged::put_in_place).transpose()?;
@@ -162,7 +162,7 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     Ok(ExitCode::SUCCESS)
 }
 
-/// The manual: a page of the program and one of each command.
+/// The manual: one page for the program and one per command.
 fn manual() -> Result<Vec<u8>> {
     let mut command = Arguments::command();
     command.build();
@@ -174,7 +174,7 @@ fn manual() -> Result<Vec<u8>> {
     Ok(pages)
 }
 
-/// Prints on standard output. A reader that has seen enough, such as `head`, is no error.
+/// Prints to standard output. A reader that closes the pipe early, such as `head`, is not an error.
 fn print(bytes: &[u8]) -> Result<ExitCode> {
     let mut out = io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {
@@ -183,12 +183,12 @@ fn print(bytes: &[u8]) -> Result<ExitCode> {
     }
 }
 
-/// Prints an error on standard error.
+/// Prints an error to standard error.
 fn print_error(message: fmt::Arguments<'_>) {
     print_for_people(&format!("error: {message}\n"));
 }
 
-/// Prints on standard error. Work continues when it cannot be written to.
+/// Prints to standard error. Failures are ignored, so that work continues.
 fn print_for_people(text: &str) {
     let _ = io::stderr().lock().write_all(text.as_bytes());
 }

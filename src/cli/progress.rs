@@ -1,4 +1,4 @@
-//! A line on the terminal that says what takes so long.
+//! A progress line on the terminal.
 
 use std::borrow::Cow;
 use std::io::{IsTerminal, stderr};
@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A stage shorter than this is not worth a line.
+/// Stages shorter than this get no line.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Shows the stage that is under way once it lasts over a second; only on a terminal.
+/// Shows the current stage once it has lasted over a second; only on a terminal.
 pub(super) struct Progress {
     shown: bool,
     bar: ProgressBar,
@@ -21,7 +21,7 @@ impl Progress {
         Progress { shown: !quiet && stderr().is_terminal(), bar: ProgressBar::hidden(), waiting: None }
     }
 
-    /// Ends the line of the last stage and begins a new one.
+    /// Clears the line of the last stage and starts a new one.
     pub(super) fn enter(&mut self, stage: impl Into<Cow<'static, str>>) {
         self.finish();
         if !self.shown {

@@ -11,7 +11,7 @@ use raykiln_formats::staging::{Folder, Hold};
 pub(super) struct Reports<'a>(&'a [PathBuf]);
 
 impl<'a> Reports<'a> {
-    /// Refuses files that cannot be written, before any work is done. `taken` are the other files of the command.
+    /// Rejects files that cannot be written, before any work is done. `taken` are the command's other files.
     pub(super) fn check(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
         for file in files {
             check(file, taken).with_context(|| format!("--report {}", file.display()))?;
@@ -19,7 +19,7 @@ impl<'a> Reports<'a> {
         Ok(Reports(files))
     }
 
-    /// Writes a report to all files, none of them in place yet.
+    /// Writes a report to all files, but does not put them in place yet.
     pub(super) fn stage(&self, json: &str) -> Result<StagedReports> {
         let stage = |file: &PathBuf| {
             let staged = Staged::new(file).and_then(|staged| fs::write(&staged.from, json).map(|()| staged));
@@ -29,7 +29,7 @@ impl<'a> Reports<'a> {
     }
 }
 
-/// A report written to files that are not in place yet. Dropped without [`StagedReports::commit`], they vanish.
+/// Report files that are written but not in place. Dropping them without [`StagedReports::commit`] removes them.
 pub(super) struct StagedReports(Vec<Staged>);
 
 impl StagedReports {
@@ -52,7 +52,7 @@ struct Staged {
 
 impl Staged {
     fn new(file: &Path) -> io::Result<Staged> {
-        // A link stays one: what it leads to is replaced.
+        // Keeps a symbolic link and replaces its target.
         let to = fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
         let folder = Folder::new_in(folder_of(&to))?;
         Ok(Staged { from: folder.path().join("report.json"), to, _folder: folder })
@@ -72,7 +72,7 @@ fn check(file: &Path, taken: &[&Path]) -> Result<()> {
     Ok(())
 }
 
-/// Where a path leads to, whether there is a file or not.
+/// The file that a path leads to, whether it exists or not.
 fn place(file: &Path) -> PathBuf {
     let of_folder = || Some(fs::canonicalize(folder_of(file)).ok()?.join(file.file_name()?));
     fs::canonicalize(file).ok().or_else(of_folder).unwrap_or_else(|| file.to_owned())
