@@ -1,4 +1,4 @@
-//! The table of candidates, for people.
+//! The table of candidates as text.
 
 use std::fmt::Write;
 
@@ -7,16 +7,16 @@ use super::words::bytes;
 use super::{Candidate, MethodReport};
 use crate::methods::PlanId;
 
-/// Characters of a line.
+/// Maximum characters per line.
 pub(super) const WIDTH: usize = 140;
 
-/// Characters of a candidate's name in a line, at most.
+/// Maximum characters of a candidate's name per line.
 const NAME: usize = 38;
 
-/// Characters of an outcome in a line, at least.
+/// Minimum characters of an outcome per line.
 const OUTCOME: usize = 30;
 
-/// A number of the table: its heading and its text.
+/// A column of numbers: its heading and the text of a cell.
 type Column = (&'static str, fn(&Candidate) -> String);
 
 const ALWAYS: [Column; 5] = [
@@ -34,7 +34,7 @@ const MEASURED: [Column; 2] = [
     ("speedup", |c| c.measured_speedup_ratio.map_or("-".into(), |ratio| speedup(ratio, c.measured_spread_ratio))),
 ];
 
-/// A number to at least three digits, but no more than two after the point.
+/// Formats a number with at least three digits, but at most two decimal places.
 pub(super) fn significant(value: f64) -> String {
     match value.abs() {
         v if v < 9.995 => format!("{value:.2}"),
@@ -51,8 +51,8 @@ fn speedup(ratio: f64, spread: Option<f64>) -> String {
     }
 }
 
-/// The candidates as a table whose lines take about 140 characters; without those that were timed no more than briefly,
-/// unless `all` are wanted.
+/// The candidates as a table with lines of about 140 characters; omits those that were timed only briefly, unless `all`
+/// is set.
 pub(super) fn table(method: &MethodReport, all: bool) -> String {
     let (listed, brief): (Vec<&Candidate>, Vec<&Candidate>) = method.candidates.iter().partition(|c| all || !c.brief);
     let measured = listed.iter().any(|c| c.measured_speedup_ratio.is_some());
@@ -93,7 +93,7 @@ fn rows(candidates: &[&Candidate], columns: &[Column], chosen: PlanId) -> String
     let mut text = line("candidate", &|column| columns[column].0.to_owned(), "outcome");
     for (candidate, cells) in candidates.iter().zip(&cells) {
         let names = wrapped(&candidate.id.to_string(), name);
-        // The reason stands above the table.
+        // The paragraph above the table gives the reason.
         let words = if candidate.id == chosen { "chosen" } else { &candidate.outcome };
         let outcomes = wrapped(words, outcome);
         for i in 0..names.len().max(outcomes.len()) {

@@ -1,4 +1,4 @@
-//! Why a layout was chosen, what came of the others, and what to know about it, in words.
+//! Puts into words why a layout was chosen, the outcomes of the others, and remarks.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -7,7 +7,7 @@ use crate::choose::{Excess, GroupCause, Note, Origin, Outcome, Why};
 use crate::methods::Method;
 use crate::scene::Pinned;
 
-/// That the input stays although it is beyond the bounds.
+/// States that the input stays although it exceeds the bounds.
 const INPUT_STAYS: &str = "no candidate keeps to all that is allowed, and the input stays";
 
 impl Display for Excess {
@@ -30,7 +30,7 @@ fn all(excess: &[Excess]) -> String {
     excess.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// A ratio above a bound to as few digits as tell the two apart, but two.
+/// Formats a ratio above a bound with as few decimal places as distinguish the two, but at least two.
 fn above(ratio: f64, bound: f64) -> String {
     let digits = (2..6).find(|&digits| {
         let unit = 10f64.powi(digits);
@@ -85,7 +85,7 @@ impl Display for Why {
     }
 }
 
-/// Why a candidate is taken though the input might be better.
+/// Why a candidate is chosen although the input may be better.
 fn best_allowed(input: &[Excess]) -> String {
     format!(", the best within what is allowed; the input is not: {}", all(input))
 }
@@ -95,7 +95,7 @@ fn predicted(of_candidate: f64, of_input: f64) -> String {
     format!("predicted to take {candidate} picoseconds per ray, the input {input}")
 }
 
-/// Picoseconds, with as many digits as tell anything.
+/// Formats picoseconds with the significant digits only.
 fn picoseconds(cost: f64) -> String {
     match cost {
         c if c < 10.0 => format!("{c:.2}"),
@@ -171,7 +171,7 @@ impl Display for Note {
     }
 }
 
-/// The option by which the user sets a bound.
+/// The option that sets a bound.
 fn option(excess: &Excess) -> String {
     match excess {
         Excess::Bytes { allowed, .. } => format!("--max-bytes-ratio {allowed}"),

@@ -9,9 +9,9 @@ pub struct DevicesReport {
     pub schema: &'static str,
     /// Version of the program.
     pub raykiln_version: &'static str,
-    /// In the order of the driver's list, by which `--device` counts.
+    /// The devices in the order of the driver's list, which `--device` refers to.
     pub devices: Vec<Device>,
-    /// Why there is none, in words.
+    /// Why there is no device, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
@@ -19,50 +19,50 @@ pub struct DevicesReport {
 /// A Vulkan device.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Device {
-    /// What `--device` takes.
+    /// Index for `--device`.
     pub index: usize,
     /// Its name.
     pub name: String,
-    /// Driver and its version.
+    /// The driver and its version.
     pub driver: String,
-    /// Version of Vulkan.
+    /// Supported Vulkan version.
     pub vulkan_version: String,
     /// Whether the device is the CPU.
     pub is_software: bool,
     /// Whether it can trace rays.
     pub can_trace: bool,
-    /// What it lacks to do so.
+    /// What it lacks for ray tracing.
     pub missing: Vec<String>,
-    /// Extensions that concern ray tracing.
+    /// Supported extensions for ray tracing.
     pub extensions: Vec<String>,
-    /// How much it takes; `None` where it cannot trace rays.
+    /// Its limits; `None` if it cannot trace rays.
     pub limits: Option<DeviceLimits>,
-    /// Its own memory.
+    /// Device memory.
     pub memory_bytes: u64,
 }
 
-/// How much a device takes.
+/// Limits of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct DeviceLimits {
-    /// Instances of a TLAS.
+    /// Instances per TLAS.
     pub instances: u64,
-    /// Geometries of a BLAS.
+    /// Geometries per BLAS.
     pub geometries: u64,
-    /// Triangles of a BLAS.
+    /// Triangles per BLAS.
     pub primitives: u64,
     /// Alignment of scratch memory.
     pub scratch_alignment_bytes: u64,
     /// Largest allocation.
     pub max_allocation_bytes: u64,
-    /// Rays of one launch.
+    /// Rays per launch.
     pub rays_per_launch: u64,
 }
 
 impl DevicesReport {
-    /// Identifies its JSON form: see `docs/schemas`.
+    /// Identifies the JSON form: see `docs/schemas`.
     pub const SCHEMA: &str = "raykiln.devices/1";
 
-    /// Of the devices of this machine.
+    /// Lists the devices of this machine.
     pub fn of_this_machine() -> DevicesReport {
         let (devices, note) = match Self::list() {
             Ok(devices) if devices.is_empty() => (devices, Some("there is no Vulkan device".into())),

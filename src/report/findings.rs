@@ -28,7 +28,7 @@ pub enum Severity {
     Info,
     /// Costs speed or memory.
     Warning,
-    /// A device refuses or ignores it.
+    /// A device rejects or ignores it.
     Error,
 }
 
@@ -37,22 +37,22 @@ pub enum Severity {
 pub(crate) enum Broken<'a> {
     /// The box of an object overlaps that of another, by this share of the scene's area.
     Overlap { other: &'a str, ratio: f64 },
-    /// So many meshes repeat others exactly; sharing would save so many bytes.
+    /// This many meshes repeat others exactly; sharing would save this many bytes.
     Repeated { meshes: usize, saved_bytes: u64 },
-    /// So many triangles have no area.
+    /// This many triangles have no area.
     NoArea { triangles: usize },
-    /// There is more of something than is advised.
+    /// There are more of something than advised.
     TooMany { count: usize, what: &'static str, most: usize },
-    /// So many instances are stretched or sheared by more than this factor.
+    /// This many instances are stretched or sheared by more than this factor.
     Loose { instances: usize, factor: f64 },
-    /// Coordinates reach farther than single precision serves.
+    /// Coordinates exceed the range in which single precision is fine enough.
     Far { farthest: f64, most: f64 },
-    /// So many instances are smaller than this.
+    /// This many instances are smaller than this.
     Tiny { instances: usize, least: f64 },
 }
 
 impl Finding {
-    /// What an object, or the scene if it is empty, does to break a rule.
+    /// States how an object, or the scene if `object` is empty, breaks a rule.
     pub(crate) fn new(rule: &'static str, severity: Severity, object: impl Into<String>, broken: &Broken) -> Finding {
         Finding { rule, severity, object: object.into(), message: broken.to_string() }
     }

@@ -1,4 +1,4 @@
-//! Reports: the data (this module), as JSON ([`json`]) and as text for people ([`text`]).
+//! Reports: the data (this module), as JSON ([`json`]) and as text ([`text`]).
 
 pub mod candidates;
 mod choice;
@@ -33,7 +33,7 @@ use crate::scene::Scene;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Matching, Verification};
 
-/// What a bake did. Times are seconds, sizes bytes, ratios plain quotients.
+/// What a bake did. Times are in seconds, sizes in bytes; ratios are plain quotients.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct BakeReport {
@@ -43,44 +43,44 @@ pub struct BakeReport {
     pub raykiln_version: &'static str,
     /// What was read.
     pub input: Input,
-    /// Where the output went.
+    /// The output file.
     pub output: PathBuf,
-    /// What the bake was told.
+    /// Options of the bake.
     pub options: ReportedOptions,
-    /// What is taken to be one BLAS in `before`, `after` and all that is predicted.
+    /// What counts as one BLAS in `before`, `after` and all predictions.
     pub blas_per: BlasPer,
-    /// The input's layout.
+    /// Metrics of the input's layout.
     pub before: Metrics,
-    /// The output's layout; as `before` where the output was refused.
+    /// Metrics of the output's layout, also if the output was rejected.
     pub after: Metrics,
     /// How the layout was chosen.
     pub method: MethodReport,
-    /// What was done besides, or left out, and why.
+    /// Which other steps were applied or skipped, and why.
     pub passes: Vec<Pass>,
-    /// What tracing both files showed.
+    /// Results of tracing both files.
     pub verify: Verification,
-    /// The speed that the verdict goes by.
+    /// The speed that the verdict is based on.
     pub overall: Speed,
-    /// What came of it.
+    /// The verdict.
     pub verdict: Verdict,
-    /// The same in words, and what it rests on.
+    /// The verdict in words, and what it is based on.
     pub verdict_reason: String,
-    /// Time by stage.
+    /// Time per stage.
     pub seconds: Seconds,
-    /// Largest amount of memory the process had in use, where the system tells.
+    /// Peak memory use of the process; `None` if the system does not report it.
     pub peak_memory_bytes: Option<u64>,
     /// Size of the output's files.
     pub output_bytes: u64,
     /// With `--instancing extension`: instances written as copies of one node.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub copied: Option<Copied>,
-    /// What the reader mended or left out.
+    /// What the reader repaired or omitted.
     pub warnings: Vec<String>,
-    /// What the method and the writer left out, and why.
+    /// What the method and the writer omitted, and why.
     pub notes: Vec<String>,
 }
 
-/// What a scene is made of.
+/// What a scene consists of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Input {
@@ -98,7 +98,7 @@ pub struct Input {
     pub nodes: u64,
     /// Instances in the default scene.
     pub instances: u64,
-    /// Those of them that must stay as they are.
+    /// Instances that must stay as they are.
     pub pinned_instances: u64,
 }
 
@@ -108,51 +108,51 @@ pub struct Input {
 pub struct MethodReport {
     /// What the user asked for.
     pub requested: &'static str,
-    /// The method of what was written.
+    /// The method of the layout written.
     pub chosen: &'static str,
     /// The candidate that was written.
     pub chosen_candidate: PlanId,
-    /// What decided.
+    /// What the choice is based on.
     pub decided_by: DecidedBy,
     /// Why, in words.
     pub reason: String,
-    /// All layouts looked at; the input first, unless the user asked for a method.
+    /// All layouts considered; the input first, unless the user asked for a method.
     pub candidates: Vec<Candidate>,
 }
 
-/// A layout looked at.
+/// A layout that was considered.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Candidate {
-    /// Its method, and what the method was told.
+    /// Its method and the method's options.
     #[serde(rename = "name")]
     pub id: PlanId,
-    /// Two-level cost; of the candidate that was written, that of `after`.
+    /// Two-level cost; for the written candidate, that of `after`.
     pub predicted_cost: f64,
-    /// Sampled cost: predicted picoseconds a ray, in the weighted mean over the kinds of rays. None where nothing was
-    /// traced to predict it.
+    /// Sampled cost: predicted picoseconds per ray, weighted mean over ray kinds. `None` if nothing was traced to
+    /// predict it.
     pub sampled_cost: Option<f64>,
-    /// Rays a second on a device, in millions, in the weighted mean over the kinds of rays; none where it was not timed.
+    /// Million rays per second on a device, weighted mean over ray kinds; `None` if it was not timed.
     pub measured_mrays_per_s: Option<f64>,
-    /// Its speed over that of the input, measured in turns, all kinds of rays as they are weighted; none where it was not
-    /// timed. 1 for the input where others were.
+    /// Its speed over that of the input, measured in turns, weighted over ray kinds; `None` if it was not timed. 1 for
+    /// the input if others were timed.
     pub measured_speedup_ratio: Option<f64>,
-    /// How far off that may be; infinite (`null` in JSON) for too few repeats.
+    /// Uncertainty of `measured_speedup_ratio`; infinite (`null` in JSON) if there are too few repeats.
     pub measured_spread_ratio: Option<f64>,
     /// Why it was chosen or not.
     pub outcome: String,
     /// Predicted bytes of BLASes and TLAS.
     pub as_bytes: u64,
-    /// Largest position error over the scene's diagonal; none for layouts that were not written.
+    /// Largest position error over the scene's diagonal; `None` if not measured.
     pub position_error_ratio: Option<f64>,
-    /// Time to lay it out and cost it.
+    /// Time spent on laying it out and computing its cost.
     pub seconds: f64,
-    /// Whether it was timed no more than briefly, along other axes than one that is listed.
+    /// Whether it was timed only briefly, as a listed candidate stored along other axes.
     #[serde(skip)]
     pub brief: bool,
 }
 
-/// Time by stage, in seconds.
+/// Time per stage, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Seconds {
@@ -164,13 +164,13 @@ pub struct Seconds {
     pub optimise: f64,
     /// Writing the output, staged.
     pub write: f64,
-    /// Reading it back and tracing both.
+    /// Reading the output back and tracing both files.
     pub verify: f64,
-    /// All of it.
+    /// The whole bake.
     pub total: f64,
 }
 
-/// What comparing two files found.
+/// The result of comparing two files.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct VerifyReport {
@@ -178,34 +178,34 @@ pub struct VerifyReport {
     pub schema: &'static str,
     /// Version of the program.
     pub raykiln_version: &'static str,
-    /// The file held to be right.
+    /// The reference file.
     pub input: Input,
-    /// The file verified.
+    /// The file that was verified.
     pub output: PathBuf,
-    /// What is taken to be one BLAS in `before` and `after`.
+    /// What counts as one BLAS in `before` and `after`.
     pub blas_per: BlasPer,
-    /// The input's layout.
+    /// Metrics of the input's layout.
     pub before: Metrics,
-    /// The output's layout.
+    /// Metrics of the output's layout.
     pub after: Metrics,
-    /// `identity`: the output says which triangle of the input each of its own is. `surface`: it does not, so that only
-    /// what rays see was compared.
+    /// `identity`: the output records which triangle of the input each of its own triangles is. `surface`: it does not,
+    /// so only what rays see was compared.
     pub matched_by: Matching,
-    /// What tracing both files showed.
+    /// Results of tracing both files.
     pub verify: Verification,
-    /// The speed that the verdict goes by.
+    /// The speed that the verdict is based on.
     pub overall: Speed,
-    /// What came of it.
+    /// The verdict.
     pub verdict: Verdict,
-    /// Time it took, in seconds.
+    /// Duration in seconds.
     pub seconds: f64,
-    /// What the reader mended or left out.
+    /// What the reader repaired or omitted.
     pub warnings: Vec<String>,
-    /// What was done otherwise than asked.
+    /// What was not done as requested.
     pub notes: Vec<String>,
 }
 
-/// What `inspect` found.
+/// The result of `inspect`.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct InspectReport {
@@ -215,15 +215,15 @@ pub struct InspectReport {
     pub raykiln_version: &'static str,
     /// What was read.
     pub input: Input,
-    /// Its layout.
+    /// Metrics of its layout.
     pub before: Metrics,
     /// The pairs of objects that overlap most, worst first.
     pub worst_pairs: Vec<OverlappingPair>,
-    /// The vendor rules that were checked, by their ids.
+    /// Ids of the vendor rules that were checked.
     pub rules_checked: Vec<&'static str>,
-    /// Those of them that the scene breaks.
+    /// The rules that the scene breaks.
     pub findings: Vec<Finding>,
-    /// What the reader mended or left out.
+    /// What the reader repaired or omitted.
     pub warnings: Vec<String>,
 }
 
@@ -271,23 +271,23 @@ impl From<CandidateResult> for Candidate {
 }
 
 impl BakeReport {
-    /// Identifies its JSON form: see `docs/schemas`.
+    /// Identifies the JSON form: see `docs/schemas`.
     pub const SCHEMA: &str = "raykiln.bake/1";
 }
 
 impl VerifyReport {
-    /// Identifies its JSON form: see `docs/schemas`.
+    /// Identifies the JSON form: see `docs/schemas`.
     pub const SCHEMA: &str = "raykiln.verify/1";
 }
 
 impl InspectReport {
-    /// Identifies its JSON form: see `docs/schemas`.
+    /// Identifies the JSON form: see `docs/schemas`.
     pub const SCHEMA: &str = "raykiln.inspect/1";
 }
 
 impl MethodReport {
-    /// Completes the entry of the candidate that was written, of which more is known now. A method that was asked for
-    /// has none before: it is not costed until it is written.
+    /// Completes the entry of the written candidate with what is known now. A requested method has no entry yet: its
+    /// cost is not computed until it is written.
     pub fn with_written(mut self, after: &Metrics, position_error_ratio: f64, seconds: f64) -> Self {
         if self.candidates.is_empty() {
             self.candidates.push(Candidate::written(self.chosen_candidate, after, seconds));
@@ -301,7 +301,7 @@ impl MethodReport {
 }
 
 impl Candidate {
-    /// The layout that was asked for.
+    /// The layout that the user asked for.
     fn written(id: PlanId, metrics: &Metrics, seconds: f64) -> Self {
         Candidate {
             id,
@@ -320,7 +320,7 @@ impl Candidate {
 }
 
 impl Input {
-    /// Counts a scene.
+    /// Counts what a scene consists of.
     pub fn of(path: PathBuf, scene: &Scene) -> Input {
         let geometries = || scene.meshes.iter().flat_map(|m| &m.geometries);
         Input {
@@ -343,13 +343,13 @@ mod tests {
     use crate::verify::MachineKind;
     use crate::verify::weights::Weights;
 
-    /// A candidate that costs something.
+    /// A candidate with a sampled cost.
     pub(super) fn candidate(id: impl Into<PlanId>, sampled_cost: f64) -> Candidate {
         let written = Candidate::written(id.into(), &Metrics::default(), 0.5);
         Candidate { sampled_cost: Some(sampled_cost), outcome: "not chosen".into(), ..written }
     }
 
-    /// The input and one BLAS, which is chosen and predicted to be twice as fast.
+    /// The input and a single BLAS, which is chosen and predicted to be twice as fast.
     pub(super) fn method(decided_by: DecidedBy) -> MethodReport {
         MethodReport {
             requested: "auto",
@@ -361,7 +361,7 @@ mod tests {
         }
     }
 
-    /// On `a device`, of nothing.
+    /// The verification of an empty scene on `a device`.
     pub(super) fn verification() -> Verification {
         let options = crate::verify::VerifyOptions { rays_per_kind: 1, ..Default::default() };
         Verification {

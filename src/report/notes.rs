@@ -1,4 +1,4 @@
-//! What to know about what was done, in words.
+//! Puts notes into words.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -123,7 +123,7 @@ impl Display for Copied {
     }
 }
 
-/// What layouts cost that are built as one BLAS per primitive, against one per mesh.
+/// Compares the costs of layouts built as one BLAS per primitive with those of one per mesh.
 pub(crate) fn built_per_primitive(metrics: Sides<&Metrics>, of_meshes: Sides<&Metrics>) -> String {
     let costs = |of: Sides<&Metrics>| {
         let Sides { before, after } = of.map(|m| format!("{:.2} in {} BLASes", m.two_level_cost, m.mesh_groups));
@@ -136,12 +136,12 @@ pub(crate) fn built_per_primitive(metrics: Sides<&Metrics>, of_meshes: Sides<&Me
     )
 }
 
-/// What there is to say about how triangles were matched.
+/// A remark on how triangles were matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AboutMatching {
-    /// Most of what the output says about its triangles is not about this input.
+    /// Most of the output's records about its triangles do not refer to this input.
     OfAnotherInput,
-    /// Triangles were matched by what the output says, and faults were found.
+    /// Triangles were matched by the output's records, and faults were found.
     FaultsByIdentity,
 }
 

@@ -1,4 +1,4 @@
-//! What was done and what was left out, with the reasons in words.
+//! The passes of a bake, with their reasons in words.
 
 use serde::{Serialize, Serializer};
 
@@ -6,18 +6,18 @@ use super::words::counted;
 use crate::choose::{self, But, NotTimed, PassId, Reason};
 use crate::emit::Copied;
 
-/// A step that was taken or left out.
+/// A step that was applied or skipped.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Pass {
-    /// What it is; its name in JSON.
+    /// Which step; serialized by name.
     #[serde(rename = "name", serialize_with = "by_name")]
     pub id: PassId,
     /// Whether it changed anything.
     pub applied: bool,
     /// Why, in words.
     pub reason: String,
-    /// Time it took.
+    /// Duration in seconds.
     pub seconds: f64,
 }
 
@@ -34,12 +34,12 @@ impl From<choose::Pass> for Pass {
 }
 
 impl Pass {
-    /// Instances written as copies of one node.
+    /// The pass that writes instances as copies of one node.
     pub(crate) fn instancing_extension(copied: &Copied, seconds: f64) -> Pass {
         Pass { id: PassId::InstancingExtension, applied: copied.nodes > 0, reason: copied.to_string(), seconds }
     }
 
-    /// Nodes dropped because they showed nothing.
+    /// The pass that drops nodes that show nothing.
     pub(crate) fn prune(nodes: usize, seconds: f64) -> Pass {
         let reason = match nodes {
             0 => "every node shows something or is referred to".to_owned(),

@@ -1,4 +1,4 @@
-//! Reports as text for people.
+//! Reports as text.
 
 use std::fmt::Write as _;
 
@@ -12,10 +12,10 @@ use crate::verify::speed::KindSpeed;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Sides, Verification};
 
-/// Warnings and notes that are shown without `-v`.
+/// Number of warnings or notes shown without `-v`.
 const FEW: usize = 3;
 
-/// A bake's report as text.
+/// Returns a bake's report as text.
 pub fn bake(report: &BakeReport, verbose: bool) -> String {
     let mut text = format!("{} -> {}\n", report.input.path.display(), report.output.display());
     text += &input_line(&report.input);
@@ -40,7 +40,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
     text + "\n" + &paragraph(&format!("verdict: {verdict}: {}", report.verdict_reason))
 }
 
-/// What was chosen, by whom, and whether copies are shared.
+/// What was chosen, by user or `auto`, and whether copies are shared.
 fn method(report: &BakeReport) -> String {
     let MethodReport { chosen, chosen_candidate: id, reason, decided_by, .. } = &report.method;
     let copies = report.passes.iter().find(|pass| pass.id == PassId::FindCopies && pass.applied);
@@ -55,7 +55,7 @@ fn method(report: &BakeReport) -> String {
     format!("\n{}{copies}", paragraph(&format!("{how} ({reason})")))
 }
 
-/// The metrics of both layouts, and what tracing them showed.
+/// The metrics of both layouts, and the results of tracing them.
 fn before_and_after(per: BlasPer, metrics: Sides<&Metrics>, verification: &Verification, overall: &Speed) -> String {
     let heading = match per {
         BlasPer::Mesh => "",
@@ -68,7 +68,7 @@ fn before_and_after(per: BlasPer, metrics: Sides<&Metrics>, verification: &Verif
     text
 }
 
-/// A comparison of two files as text.
+/// Returns a comparison of two files as text.
 pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     let mut text = format!("{} against {}\n", report.output.display(), report.input.path.display());
     text += &input_line(&report.input);
@@ -87,7 +87,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     text
 }
 
-/// An inspection's report as text.
+/// Returns an inspection's report as text.
 pub fn inspect(report: &InspectReport) -> String {
     let mut text = format!("{}\n", report.input.path.display());
     text += &input_line(&report.input);
@@ -114,7 +114,7 @@ pub fn inspect(report: &InspectReport) -> String {
     text
 }
 
-/// A list of devices as text.
+/// Returns a list of devices as text.
 pub fn devices(report: &DevicesReport) -> String {
     let mut text: String = report.devices.iter().map(device).collect();
     text.extend(report.note.iter().map(|why| format!("{why}\n")));
@@ -161,7 +161,7 @@ fn input_line(input: &Input) -> String {
     format!("{}{pinned}\n", counts.join(", "))
 }
 
-/// One line for each message, or for the first few and a count of the rest.
+/// One line per message, or the first few and the number of the rest.
 fn list(kind: &str, messages: &[String], all: bool) -> String {
     let shown = if all { messages.len() } else { messages.len().min(FEW) };
     let mut text: String = messages[..shown].iter().map(|m| format!("{kind}: {m}\n")).collect();
@@ -224,7 +224,7 @@ fn rays(verify: &Verification, overall: &Speed) -> String {
     table(&[&heading, "before", "after", "ratio"], &rows)
 }
 
-/// What the device built; nothing on the CPU.
+/// The structures that the device built; empty on the CPU.
 fn structures(verify: &Verification) -> String {
     let Some(s) = &verify.structures else { return String::new() };
     let row = |name: &str, of: Sides<String>| vec![name.to_owned(), of.before, of.after];
@@ -278,7 +278,7 @@ fn finding(f: &Finding) -> String {
     format!("{} {severity}: {object}{}\n", f.rule, f.message)
 }
 
-/// Columns as wide as their widest cell; the first flush left, the others flush right.
+/// A table with columns as wide as their widest cell; the first is left-aligned, the others right-aligned.
 fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().map(|r| r[column].chars().count());
@@ -295,18 +295,18 @@ fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     std::iter::once(line(heading.to_vec())).chain(body).collect()
 }
 
-/// A cell as wide as its column, flush right or left.
+/// Pads a cell to the width of its column, right- or left-aligned.
 pub(super) fn padded(cell: &str, width: usize, right: bool) -> String {
     if right { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
 }
 
-/// A text in lines, all but the first indented.
+/// Wraps a text into lines, all but the first indented.
 fn paragraph(text: &str) -> String {
     wrapped(text, candidates::WIDTH - 2).join("\n  ") + "\n"
 }
 
-/// A text in lines of at most `width` characters, broken between words; longer words have a line of their own. At least
-/// one line.
+/// Wraps a text into lines of at most `width` characters, broken between words; longer words get a line of their own.
+/// Returns at least one line.
 pub(super) fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {

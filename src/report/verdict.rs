@@ -1,4 +1,4 @@
-//! What came of a bake, in words.
+//! Puts the verdict of a bake into words.
 
 use super::{DecidedBy, MethodReport, Speed};
 use crate::choose::model::Class;
@@ -6,8 +6,8 @@ use crate::methods::{Method, PlanId};
 use crate::verify::verdict::Verdict;
 use crate::verify::{MachineKind, Verification};
 
-/// What the verdict says and what it rests on: what was measured, on what, and, where that decided, what was predicted for a
-/// class of devices.
+/// States the verdict and what it is based on: what was measured, on which device, and, if the choice was made by
+/// prediction, what was predicted for a device class.
 pub fn words(
     verdict: Verdict,
     overall: &Speed,
@@ -25,7 +25,7 @@ pub fn words(
     }
 }
 
-/// The speed of the output in words: what was measured, and on what.
+/// The measured speed of the output, and the device, in words.
 pub(super) fn measured(overall: &Speed, device: &str) -> String {
     let Speed { speedup_ratio: ratio, spread_ratio: spread, .. } = *overall;
     let on = match overall.measured_on {
@@ -45,7 +45,7 @@ pub(super) fn measured(overall: &Speed, device: &str) -> String {
     }
 }
 
-/// What speeds that were not measured on a GPU are worth.
+/// Warns about speeds that were not measured on a GPU.
 fn caution(overall: &Speed) -> Option<String> {
     let what = match overall.measured_on {
         MachineKind::Cpu => "CPU speeds tell",
@@ -55,7 +55,7 @@ fn caution(overall: &Speed) -> Option<String> {
     Some(format!("{what} nothing of a device"))
 }
 
-/// What was predicted, where nothing else decided.
+/// The predicted speed, if the choice was made by prediction alone.
 fn predicted(method: &MethodReport, class: Class) -> Option<String> {
     let cost = |id: PlanId| method.candidates.iter().find(|c| c.id == id)?.sampled_cost;
     let chosen = method.chosen_candidate;

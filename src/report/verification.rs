@@ -1,4 +1,4 @@
-//! What a verification found and what it did otherwise than asked, in words.
+//! Puts into words what a verification found, and what was not done as requested.
 
 use std::fmt::{self, Display, Formatter};
 

@@ -1,6 +1,6 @@
-//! Numbers in words, for everything that people read.
+//! Numbers in words, for reports.
 
-/// A number with its digits in groups of three.
+/// Formats a number with its digits in groups of three.
 pub(crate) fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -13,17 +13,17 @@ pub(crate) fn grouped(number: u64) -> String {
     text
 }
 
-/// So many of something: `1 group`, `1,234 groups`, `2 meshes`.
+/// Formats a count with its noun: `1 group`, `1,234 groups`, `2 meshes`.
 pub(crate) fn counted(count: usize, what: &str) -> String {
     format!("{} {}", grouped(count as u64), plural(count, what))
 }
 
-/// That so many instances stay: `1 instance stays`, `2 instances stay`.
+/// States that instances stay: `1 instance stays`, `2 instances stay`.
 pub(crate) fn instances_stay(count: usize) -> String {
     format!("{} {}", counted(count, "instance"), if count == 1 { "stays" } else { "stay" })
 }
 
-/// The word for so many of something.
+/// The singular or plural form for a count.
 pub(crate) fn plural(count: usize, what: &str) -> String {
     if count == 1 {
         return what.to_owned();
@@ -36,7 +36,7 @@ pub(crate) fn plural(count: usize, what: &str) -> String {
     }
 }
 
-/// A size in binary units.
+/// Formats a size in binary units.
 pub(crate) fn bytes(size: u64) -> String {
     let units = ["B", "KiB", "MiB", "GiB", "TiB"];
     let mut value = size as f64;
