@@ -1,4 +1,4 @@
-//! What an experiment is told, in TOML.
+//! The configuration of an experiment, in TOML.
 
 use std::fmt::Display;
 use std::fs;
@@ -16,20 +16,20 @@ use crate::verify::rays::MOST_RAYS;
 use crate::verify::speed::MOST_REPEATS;
 use crate::verify::{DeviceChoice, VerifyOptions};
 
-/// A matrix of scenes and layouts, and what to do with what is measured.
+/// The scenes and layouts to measure, and what to do with the results.
 pub(super) struct Config {
-    /// The files, each with its name in the tables: its path as the configuration has it.
+    /// The files with their names in the tables, which are their paths as written in the configuration.
     pub(super) scenes: Vec<(String, PathBuf)>,
     pub(super) plans: Vec<Plan>,
     /// How layouts are timed.
     pub(super) verify: VerifyOptions,
-    /// Rays of each kind that are counted.
+    /// Number of rays of each kind to count traversal steps for.
     pub(super) counted_rays: usize,
     /// The folder for the tables.
     pub(super) out: PathBuf,
-    /// Whether scenes that cannot be read are left out.
+    /// Whether to skip scenes that cannot be read.
     pub(super) skip_broken: bool,
-    /// The class of devices to fit prices for.
+    /// The device class to fit prices for.
     pub(super) fit: Option<Class>,
 }
 
@@ -61,8 +61,8 @@ impl Config {
     /// Reads a configuration; paths in it are relative to its folder.
     ///
     /// # Errors
-    /// A file that cannot be read or is no TOML; a key that is unknown, missing or has a value that it cannot have; a glob
-    /// that matches nothing. All name file and line.
+    /// Fails if the file cannot be read or is not TOML, if a key is unknown, missing or has an invalid value, or if a
+    /// glob matches nothing. All errors name the file and the line.
     pub(super) fn read(path: &Path) -> Result<Config, LabError> {
         let text = fs::read_to_string(path).map_err(|e| LabError::file(path, e))?;
         let source = Source { path, text: &text };
@@ -85,7 +85,7 @@ impl Config {
         }
     }
 
-    /// Why prices cannot be fitted, as far as that can be known without measuring.
+    /// Why prices cannot be fitted, as far as this is known before measuring.
     fn cannot_fit(&self) -> Option<&'static str> {
         match (self.scenes.len(), self.plans.iter().any(|plan| plan.method == Method::Single)) {
             (..2, _) => Some("it takes two scenes, so that one can be left out"),
@@ -95,7 +95,7 @@ impl Config {
     }
 }
 
-/// The text of a configuration, for errors that name its lines.
+/// The text of a configuration, for errors that state lines.
 struct Source<'a> {
     path: &'a Path,
     text: &'a str,
@@ -148,7 +148,7 @@ fn verify_options(source: &Source<'_>, keys: &Keys) -> Result<VerifyOptions, Lab
     })
 }
 
-/// The scenes in the order of the list, what a glob matches by name; each once.
+/// The scenes in the order of the list, matches of a glob sorted by name; duplicates are removed.
 fn scenes(
     source: &Source<'_>,
     listed: &Spanned<Vec<Spanned<String>>>,
@@ -169,7 +169,7 @@ fn scenes(
     Ok(scenes)
 }
 
-/// The file of that name, or else the files that a glob matches.
+/// The file of that name or, if there is none, the files that match the glob.
 fn files(entry: &str, folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     let path = folder.join(entry);
     if path.is_file() || !entry.contains(['*', '?', '[']) {
@@ -192,7 +192,7 @@ fn files(entry: &str, folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     Ok(found.into_iter().map(name).collect())
 }
 
-/// The layouts listed in `methods`, or else those of an effort, the largest if none is named.
+/// The layouts listed in `methods` or, without it, those of an effort, by default the largest.
 fn chosen_plans(source: &Source<'_>, keys: &Keys) -> Result<Vec<Plan>, LabError> {
     let most = u32::from(Effort::MOST);
     let of_effort = |effort: u32| plans(Effort::new(effort as u8), &Options::default());
@@ -234,7 +234,7 @@ fn class(source: &Source<'_>, name: &Spanned<String>) -> Result<Class, LabError>
 mod tests {
     use super::*;
 
-    /// Reads a configuration beside two files `a.obj` and `b.obj`.
+    /// Reads a configuration in a folder with two files `a.obj` and `b.obj`.
     fn read(text: &str) -> Result<Config, String> {
         let folder = tempfile::tempdir().expect("a temporary folder");
         for name in ["a.obj", "b.obj"] {

@@ -1,10 +1,10 @@
-//! Prices fitted to measured layouts.
+//! Fits prices to measured layouts.
 //!
-//! For each kind of rays the prices of [`crate::choose::model`] that make the sum of squares of the *relative* errors of
-//! predicted times least, none of them negative ([`super::nnls`]). How far they can be trusted, a prediction of every
-//! scene tells by prices fitted to the others: M. Stone, "Cross-Validatory Choice and Assessment of Statistical
-//! Predictions", Journal of the Royal Statistical Society B 36(2), 1974. Whole scenes are left out, not single rows,
-//! since layouts of one scene are alike.
+//! For each ray kind, finds the non-negative prices of [`crate::choose::model`] that minimise the sum of squared
+//! *relative* errors of predicted times ([`super::nnls`]). Cross-validation rates how far they can be trusted: every
+//! scene is predicted by prices fitted to the others (M. Stone, "Cross-Validatory Choice and Assessment of Statistical
+//! Predictions", Journal of the Royal Statistical Society B 36(2), 1974). Whole scenes are left out, not single rows,
+//! because layouts of one scene are similar.
 
 use serde::Serialize;
 
@@ -16,59 +16,59 @@ use crate::verify::rays::RayKind;
 use crate::verify::weights::Weights;
 use crate::verify::{MachineKind, PerKind};
 
-/// Rows at least: twice as many as there are prices.
+/// Minimum number of rows: twice the number of prices.
 const FEWEST_ROWS: usize = 8;
 
 /// Identifies the JSON form of [`Fit`].
 pub const SCHEMA: &str = "raykiln.fit/1";
 
-/// Prices of a class of devices, and how well they predict.
+/// Prices of a device class, and how well they predict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fit {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Version of the program.
     pub raykiln_version: &'static str,
-    /// The class of devices.
+    /// The device class.
     pub class: &'static str,
-    /// What timed the layouts.
+    /// The device that timed the layouts.
     pub device: String,
     /// `gpu`, `software driver` or `cpu`.
     pub device_kind: MachineKind,
-    /// Layouts fitted to.
+    /// Number of layouts used.
     pub layouts: usize,
-    /// Scenes they are of.
+    /// Number of scenes that they belong to.
     pub scenes: usize,
     /// In the order of [`crate::verify::rays::RayKind::ALL`].
     pub kinds: Vec<KindFit>,
-    /// Times over all kinds, weighted by default as those of `bake` are.
+    /// Times over all ray kinds, with the default weights of `bake`.
     pub overall: Predicted,
 }
 
-/// Prices of a kind of rays.
+/// Prices of a ray kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KindFit {
-    /// Its name.
+    /// Name of the ray kind.
     pub kind: &'static str,
-    /// Fitted to all rows.
+    /// Prices fitted to all rows.
     pub prices: Prices,
-    /// Root mean square of predicted over measured time less 1, over all rows.
+    /// Root mean square of predicted over measured time minus 1, over all rows.
     pub rms_relative_error: f64,
-    /// The prices that the program has for the class.
+    /// The program's current prices for the class.
     pub table: Prices,
-    /// The same error with those.
+    /// The same error with the program's prices.
     pub table_rms_relative_error: f64,
     /// How well layouts are ranked.
     #[serde(flatten)]
     pub predicted: Predicted,
 }
 
-/// How well layouts are ranked; none where no scene has two layouts.
+/// How well layouts are ranked; `None` if no scene has two layouts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Predicted {
-    /// Each scene by prices fitted to the others.
+    /// Each scene predicted by prices fitted to the others.
     pub left_out: Option<Quality>,
-    /// By the prices that the program has.
+    /// Predicted by the program's current prices.
     pub by_table: Option<Quality>,
 }
 
@@ -78,28 +78,28 @@ pub enum FitError {
     /// Too few rows.
     #[error("prices cannot be fitted to {rows} timed layouts: it takes {FEWEST_ROWS} at least")]
     TooFewRows {
-        /// How many there are.
+        /// The number found.
         rows: usize,
     },
     /// Too few scenes.
     #[error("prices cannot be fitted to timed layouts of {scenes} scenes: it takes 2, so that one can be left out")]
     TooFewScenes {
-        /// How many there are.
+        /// The number found.
         scenes: usize,
     },
 }
 
-/// A layout: by kind of rays what they meet and how many picoseconds they take.
+/// A layout: for each ray kind, the traversal counts and picoseconds per ray.
 #[derive(Clone, Debug, PartialEq)]
 struct Sample {
     kinds: PerKind<(Counts, f64)>,
     single: bool,
 }
 
-/// Fits prices to the rows that were timed with all kinds of rays.
+/// Fits prices to the rows in which all ray kinds were timed.
 ///
 /// # Errors
-/// Too few rows or scenes.
+/// Fails if there are too few rows or scenes.
 pub(super) fn fit(rows: &[Row], class: Class) -> Result<Fit, FitError> {
     let samples = |rows: Vec<&Row>| -> Vec<Sample> { rows.into_iter().filter_map(sample).collect() };
     let scenes: Vec<Vec<Sample>> = by_scene(rows).into_iter().map(samples).filter(|s| !s.is_empty()).collect();
@@ -130,7 +130,7 @@ pub(super) fn fit(rows: &[Row], class: Class) -> Result<Fit, FitError> {
     })
 }
 
-/// Prices of all kinds, fitted to all scenes but one.
+/// Prices for all ray kinds, fitted to all scenes except one.
 fn prices_without(scenes: &[Vec<Sample>], out: usize) -> PerKind<Prices> {
     let others: Vec<&Sample> = scenes[..out].iter().chain(&scenes[out + 1..]).flatten().collect();
     PerKind::of(|kind| prices(&others, kind))
@@ -148,14 +148,14 @@ fn kind_fit(samples: &[&Sample], kind: RayKind, table: Prices, predicted: Predic
     }
 }
 
-/// What a row says; none unless every kind of rays was timed.
+/// Converts a row; `None` unless all ray kinds were timed.
 fn sample(row: &Row) -> Option<Sample> {
     let timed = |of: &KindRow| Some((of.counts(), of.picoseconds.filter(|t| *t > 0.0)?));
     let kinds = PerKind::try_of(|kind| timed(&row.kinds[kind]).ok_or(())).ok()?;
     Some(Sample { kinds, single: row.is("single") })
 }
 
-/// The prices of least squared relative error.
+/// The prices with the least squared relative error.
 fn prices(samples: &[&Sample], kind: RayKind) -> Prices {
     let relative = |sample: &&Sample| {
         let (met, measured) = sample.kinds[kind];
@@ -171,7 +171,7 @@ fn rms_relative_error(samples: &[&Sample], kind: RayKind, prices: &Prices) -> f6
     (samples.iter().map(squared).sum::<f64>() / samples.len() as f64).sqrt()
 }
 
-/// Measured and predicted times in the weighted mean over the kinds, of the scenes that have a single BLAS.
+/// Measured and predicted times, weighted over ray kinds, of the scenes that have a single BLAS.
 fn times<'p>(scenes: &[Vec<Sample>], weights: &Weights, prices: impl Fn(usize) -> &'p PerKind<Prices>) -> Vec<Times> {
     let of_scene = |(scene, samples): (usize, &Vec<Sample>)| {
         let prices = prices(scene);
@@ -189,12 +189,12 @@ fn times<'p>(scenes: &[Vec<Sample>], weights: &Weights, prices: impl Fn(usize) -
 mod tests {
     use super::*;
 
-    /// Numbers that look random, from 0 to 1.
+    /// Pseudo-random numbers from 0 to 1.
     fn noise(i: usize) -> f64 {
         (i as f64 * 0.754_877_666).fract()
     }
 
-    /// Layouts of scenes, single BLASes first, whose rays take what the prices say, times what `error` says.
+    /// Layouts of scenes, single BLASes first; their rays take the time given by the prices, times `error`.
     fn planted(prices: &Prices, scenes: usize, layouts: usize, error: impl Fn(usize) -> f64) -> Vec<Row> {
         let row = |i: usize| {
             let single = i.is_multiple_of(layouts);

@@ -1,4 +1,4 @@
-//! Experiments: scenes times layouts, what rays meet in each and how long they take, and prices fitted to that.
+//! Experiments: measure layouts of scenes, count what rays traverse in each, and fit prices to the measured times.
 //! `docs/lab.md` describes the configuration, the tables and the fit.
 
 mod config;
@@ -21,16 +21,16 @@ use crate::commands::verify;
 use crate::verify::{Machine, MachineKind};
 use config::Config;
 
-/// Why an experiment came to nothing.
+/// Why an experiment failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LabError {
-    /// The configuration says something that it cannot say.
+    /// The configuration is invalid.
     #[error("{}:{line}: {cause}", file.display())]
     Config {
-        /// The configuration.
+        /// The configuration file.
         file: PathBuf,
-        /// Where in it, from 1.
+        /// The line, counted from 1.
         line: usize,
         /// What is wrong.
         cause: String,
@@ -40,13 +40,13 @@ pub enum LabError {
     File {
         /// Its path.
         file: PathBuf,
-        /// Why.
+        /// The cause.
         cause: String,
     },
     /// A scene cannot be read, or the device cannot take it.
     #[error("{0}; `skip_broken = true` leaves such scenes out")]
     Scene(String),
-    /// The device cannot do it.
+    /// The device cannot be used.
     #[error("{0}")]
     Device(String),
 }
@@ -57,29 +57,29 @@ impl LabError {
     }
 }
 
-/// What an experiment came to.
+/// The result of an experiment.
 #[derive(Debug)]
 pub struct Lab {
     /// A row for each layout of each scene.
     pub rows: Vec<Row>,
-    /// The prices, where they were asked for.
+    /// The fitted prices, if requested.
     pub fit: Option<Result<Fit, FitError>>,
-    /// Where the tables are.
+    /// The folder with the tables.
     pub out: PathBuf,
-    /// What was left out or done otherwise than asked, in words.
+    /// What was omitted or not done as requested, in words.
     pub notes: Vec<String>,
-    /// What the readers of the scenes mended or left out.
+    /// What the readers of the scenes repaired or omitted.
     pub warnings: Vec<String>,
     /// A summary in Markdown.
     pub text: String,
 }
 
-/// Runs the experiment of a configuration and writes its tables. `progress` is told each scene before its turn. Where
-/// prices cannot be fitted, the tables of layouts are written all the same.
+/// Runs the experiment that a configuration describes and writes its tables. `progress` receives each scene's name
+/// before the scene is measured. If prices cannot be fitted, the tables of layouts are written nevertheless.
 ///
 /// # Errors
-/// A configuration that makes no sense, a device that is not there, a scene that cannot be read or that the device cannot
-/// take (unless they are to be left out), a folder that cannot be written to; nothing is written then.
+/// Fails if the configuration is invalid, the device is missing, a scene cannot be read or the device cannot take it
+/// (unless such scenes are to be skipped), or a folder cannot be written to; then nothing is written.
 pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabError> {
     let config = Config::read(config)?;
     output::check(&config.out)?;
@@ -107,7 +107,7 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     Ok(Lab { rows, fit, out: config.out, notes, warnings, text })
 }
 
-/// The rows of a scene file, and what its reader mended or left out.
+/// Measures the layouts of a scene file; also returns what its reader repaired or omitted.
 fn measure(
     name: &str,
     path: &Path,
@@ -128,7 +128,7 @@ fn untimed(row: &Row) -> Option<String> {
     row.failure.as_ref().map(|why| format!("{}: `{}` was not timed: {why}", row.scene, row.layout))
 }
 
-/// How much was measured, where no prices are fitted.
+/// States how much was measured, if no prices are fitted.
 fn summary(rows: &[Row], machine: &Machine) -> String {
     let (device, kind) = machine.name();
     let scenes = rows::by_scene(rows).len();

@@ -1,17 +1,19 @@
-//! Least squares with unknowns that may not be negative.
+//! Non-negative least squares.
 //!
-//! The problem NNLS of C. Lawson, R. Hanson, "Solving Least Squares Problems", 1974, chapter 23: its solution solves
-//! ordinary least squares over the columns that it gives more than zero. Where their algorithm walks from one set of
-//! such columns to the next, all sets are tried here: for four unknowns they are fifteen, and nothing can cycle.
+//! Solves the problem NNLS of C. Lawson, R. Hanson, "Solving Least Squares Problems", 1974, chapter 23: the solution is
+//! that of ordinary least squares over the columns with coefficients above zero. Their algorithm moves from one set of
+//! such columns to the next; here all sets are tried: four unknowns have fifteen, and the search cannot cycle.
 
-/// A column counts as a combination of others where what they leave of it is shorter than this share of it.
+/// A column counts as dependent on others if its residual after projection onto them is shorter than this share of its
+/// length.
 const DEPENDENT: f64 = 1e-9;
 
-/// A larger set of columns must leave this share less of the right side (squared), or the smaller one stands.
+/// A larger set of columns must reduce the squared residual by this share of the squared right side to replace a
+/// smaller one.
 const NO_BETTER: f64 = 1e-12;
 
-/// The `x` of no negative number that minimises the length of `rows * x - right`. Of columns that depend on each
-/// other, some get zero. Rows beyond the shorter of both are ignored; all numbers must be finite.
+/// Returns the `x` without negative components that minimises the length of `rows * x - right`. If columns depend on
+/// each other, some get zero. Rows beyond the shorter of the two arguments are ignored; all numbers must be finite.
 pub(super) fn solve<const N: usize>(rows: &[[f64; N]], right: &[f64]) -> [f64; N] {
     let columns: [Vec<f64>; N] = std::array::from_fn(|c| rows.iter().zip(right).map(|(row, _)| row[c]).collect());
     let right = &right[..rows.len().min(right.len())];
@@ -30,8 +32,8 @@ pub(super) fn solve<const N: usize>(rows: &[[f64; N]], right: &[f64]) -> [f64; N
     best
 }
 
-/// Ordinary least squares over some columns, by modified Gram-Schmidt: the solution, and the squared length of what it
-/// leaves of the right side. None where the columns depend on each other.
+/// Solves ordinary least squares over the chosen columns, by modified Gram-Schmidt: returns the solution and the
+/// squared length of the residual. `None` if the columns depend on each other.
 fn least_squares(columns: &[Vec<f64>], chosen: &[usize], right: &[f64]) -> Option<(Vec<f64>, f64)> {
     let n = chosen.len();
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(n);
@@ -104,8 +106,8 @@ mod tests {
     }
 
     proptest! {
-        /// The conditions of Kuhn and Tucker, Lawson and Hanson's theorem 23.4: no column points along what is left,
-        /// and those that count are across it.
+        /// The Kuhn-Tucker conditions, theorem 23.4 of Lawson and Hanson: no column has a positive component along the
+        /// residual, and columns with coefficients above zero are orthogonal to it.
         #[test]
         fn no_step_within_the_bound_comes_closer(
             rows in prop::collection::vec((prop::array::uniform4(-9i8..9), -9i8..9), 0..12)

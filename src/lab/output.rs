@@ -1,4 +1,4 @@
-//! The tables as files: staged in a hidden folder beside their place, then renamed.
+//! Writes the tables to files: staged in a hidden folder beside their destination, then renamed.
 
 use std::fmt::Write;
 use std::fs;
@@ -14,10 +14,10 @@ use crate::choose::model::{Class, Prices};
 use crate::report::json::to_json;
 use crate::verify::MachineKind;
 
-/// All names that may be written.
+/// The names of all files that may be written.
 const NAMES: [&str; 4] = ["layouts.csv", "layouts.jsonl", "fit.json", "fit.md"];
 
-/// Refuses a folder that cannot be written to, before any work is done.
+/// Rejects a folder that cannot be written to, before any work is done.
 pub(super) fn check(out: &Path) -> Result<(), LabError> {
     let bad = |cause: &str| Err(LabError::file(out, cause));
     let parent = parent(out);
@@ -29,7 +29,7 @@ pub(super) fn check(out: &Path) -> Result<(), LabError> {
     }
 }
 
-/// Writes the tables, the fit if there is one; tables of an earlier run that have no successor go.
+/// Writes the tables and, if there is one, the fit; removes files of an earlier run that are not replaced.
 pub(super) fn write(out: &Path, rows: &[Row], fit: Option<(&Fit, Class)>) -> Result<(), LabError> {
     let csv = to_csv(rows).map_err(|e| LabError::file(&out.join(NAMES[0]), e))?;
     let fitted = fit.map(|(fit, class)| [to_json(fit), markdown(fit, class)].map(String::into_bytes));
@@ -61,7 +61,7 @@ fn parent(out: &Path) -> &Path {
     out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A fit for people, and as the table of prices in `src/choose/model.rs` has it.
+/// A fit as Markdown, including its prices as they appear in `src/choose/model.rs`.
 pub(super) fn markdown(fit: &Fit, class: Class) -> String {
     let Fit { class: name, device, device_kind, layouts, scenes, .. } = fit;
     let mut text = format!(

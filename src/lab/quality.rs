@@ -1,36 +1,36 @@
-//! How well predicted times rank the layouts of scenes.
+//! Rates how well predicted times rank the layouts of scenes.
 
 use serde::Serialize;
 
 /// Times of the layouts of one scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Times {
-    /// Measured picoseconds a ray; more than 0.
+    /// Measured picoseconds per ray; greater than 0.
     pub(super) measured: Vec<f64>,
-    /// Predicted ones, in the same order.
+    /// Predicted picoseconds per ray, in the same order.
     pub(super) predicted: Vec<f64>,
-    /// Which of them is the single BLAS.
+    /// Index of the single BLAS.
     pub(super) single: usize,
 }
 
-/// How well layouts are predicted, all against the single BLAS of their scene.
+/// How well layouts are predicted, each relative to the single BLAS of its scene.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quality {
-    /// Layouts compared, single BLASes not among them.
+    /// Number of layouts compared, without the single BLASes.
     pub layouts: usize,
-    /// Scenes with two layouts or more.
+    /// Number of scenes with at least two layouts.
     pub scenes: usize,
-    /// Correlation of the logarithms of measured and predicted ratios of speeds, -1 to 1; none where all of one are alike.
+    /// Correlation of the logarithms of measured and predicted speed ratios, -1 to 1; `None` if either does not vary.
     pub correlation: Option<f64>,
-    /// Root mean square of predicted over measured ratio less 1.
+    /// Root mean square of the predicted over the measured ratio minus 1.
     pub rms_ratio_error: f64,
-    /// Speed of the layout predicted to be the fastest over that of the fastest, 0 to 1: the mean over the scenes.
+    /// Speed of the layout predicted fastest over that of the layout measured fastest, 0 to 1: mean over the scenes.
     pub picked_mean_ratio: f64,
-    /// The same, at worst.
+    /// The same ratio, minimum over the scenes.
     pub picked_worst_ratio: f64,
 }
 
-/// None without a scene that has two layouts.
+/// Returns `None` if no scene has two layouts.
 pub(super) fn quality(scenes: &[Times]) -> Option<Quality> {
     let scenes: Vec<&Times> = scenes.iter().filter(|s| s.measured.len() > 1).collect();
     let speeds = |times: &[f64], single: usize| -> Vec<f64> { times.iter().map(|t| times[single] / t).collect() };
@@ -51,13 +51,13 @@ pub(super) fn quality(scenes: &[Times]) -> Option<Quality> {
     })
 }
 
-/// The speed of the layout predicted to be the fastest over that of the fastest.
+/// Speed of the layout predicted fastest over that of the layout measured fastest.
 fn picked(scene: &Times) -> f64 {
     let least = |times: &[f64]| (0..times.len()).min_by(|&a, &b| times[a].total_cmp(&times[b])).unwrap_or(0);
     scene.measured[least(&scene.measured)] / scene.measured[least(&scene.predicted)]
 }
 
-/// Pearson's; none where either side does not vary.
+/// Pearson's correlation; `None` if either side does not vary.
 fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
     let count = pairs.len() as f64;
     let (x, y) = (pairs.iter().map(|p| p.0).sum::<f64>() / count, pairs.iter().map(|p| p.1).sum::<f64>() / count);
