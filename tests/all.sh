@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The test command: formatting, lints, features, documentation and every test. Runs every step even when one fails; exit status 0
-# only if all succeeded. Needs cargo with the components rustfmt and clippy, and what `missing` lists below.
+# Runs formatting, lints, feature checks, documentation and all tests. Continues if a step fails; the exit status is 0
+# only if all steps succeed. Needs cargo with the components rustfmt and clippy, and what `missing` lists below.
 #
 #   tests/all.sh             fails at once if something is missing, and says how to get it
 #   tests/all.sh --install   says what it installs and where, installs it, then runs; so does CI=true tests/all.sh
@@ -18,7 +18,7 @@ esac
 
 failed=()
 
-# step NAME COMMAND...: runs a command under a headline and remembers whether it failed.
+# step NAME COMMAND...: runs a command under a heading and records whether it failed.
 step() {
   local name=$1
   shift
@@ -34,7 +34,7 @@ has_validator() {
   [ -d target/npm/node_modules/gltf-validator ] && cmp -s tests/package-lock.json target/npm/package-lock.json
 }
 
-# What the tests need and this machine lacks, a line each, with what `--install` does about it.
+# Lists what the tests need and this machine lacks, one per line, with what `--install` does about it.
 missing() {
   has_node || echo "Node.js and npm: apt-get install nodejs npm"
   has_validator || echo "the Khronos glTF validator: npm ci, into target/npm"
@@ -57,7 +57,7 @@ install_missing() {
   install_node && install_validator && node --version && sh tests/install_vulkan.sh
 }
 
-# Each feature alone, and none: the library, the tests, the examples and, with `cli`, the program.
+# Checks each feature alone, and none: the library, the tests, the examples and, with `cli`, the program.
 check_features() {
   local features
   for features in "" cli lab vulkan; do
@@ -66,7 +66,7 @@ check_features() {
   done
 }
 
-# The test `dependencies` reads deny.toml as well; cargo-deny, which takes long to install, has the last word where it is there.
+# The test `dependencies` checks deny.toml too; cargo-deny, which takes long to install, runs only if it is installed.
 check_dependencies() {
   if cargo deny --version 2>/dev/null; then
     cargo deny --offline --locked check licenses bans
@@ -86,7 +86,7 @@ if [ -n "$lacking" ]; then
   step "set-up" install_missing
 fi
 
-# Random cases are the same in every run; PROPTEST_RNG_SEED=N tests/all.sh draws others.
+# Random cases are the same in every run; PROPTEST_RNG_SEED=N tests/all.sh generates others.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 
 step "formatting" cargo fmt --all --check

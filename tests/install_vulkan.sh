@@ -1,7 +1,7 @@
 #!/bin/sh
 # Installs what the Vulkan tests need on Debian or Ubuntu: the loader, the validation layer, glslang, and a software
-# driver (lavapipe) of Mesa 24.1 or later, which can trace rays. Does nothing if all of it is there. Needs root or sudo.
-# With --missing it installs nothing and lists what it would do.
+# driver (lavapipe) of Mesa 24.1 or later, which can trace rays. Does nothing if everything is installed. Needs root or
+# sudo. With --missing, only lists what it would install.
 set -eu
 
 wanted="libvulkan1 vulkan-validationlayers glslang-tools mesa-vulkan-drivers"
@@ -19,7 +19,7 @@ all_installed() {
     can_trace "$(version mesa-vulkan-drivers)"
 }
 
-# The backports suite of the release, from the archive that this machine's own sources name.
+# Adds the backports suite of this release, from the archive that this machine's sources already use.
 add_backports() {
     . /etc/os-release
     suite="$VERSION_CODENAME-backports"
@@ -37,7 +37,7 @@ add_backports() {
     root apt-get update -qq
 }
 
-# What is not there yet, a line each.
+# Lists what is missing, one per line.
 list_missing() {
     for package in libvulkan1 vulkan-validationlayers glslang-tools; do
         [ -n "$(version "$package")" ] || echo "$package: apt-get install"
@@ -66,7 +66,7 @@ if ! can_trace "$(candidate)"; then
     add_backports
     from_backports="--target-release=$VERSION_CODENAME-backports"
 fi
-# shellcheck disable=SC2086 # lists of words, one of them often empty
+# shellcheck disable=SC2086 # lists of words, one of which is often empty
 {
     root env DEBIAN_FRONTEND=noninteractive apt-get install -qq --no-install-recommends \
         libvulkan1 vulkan-validationlayers glslang-tools

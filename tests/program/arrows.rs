@@ -1,15 +1,15 @@
-//! The rooms of `src/` and what they use of each other: arrows run down one list, so that there is no circle.
+//! The modules of `src/` and what they use of each other: dependencies follow one order, so there is no cycle.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Every folder and file directly below `src/`, in the order of ARCHITECTURE.md: a room uses those after it.
+/// Every folder and file directly below `src/`, in the order of ARCHITECTURE.md: each uses only those after it.
 const ROOMS: [&str; 17] = [
     "main", "cli", "lab", "commands", "report", "choose", "emit", "copies", "verify", "methods", "cost", "layout",
     "tree", "scene", "words", "parallel", "lib",
 ];
 
-/// Parts of the program that are compiled for tests alone.
+/// Whether a file is compiled only for tests.
 fn is_for_tests(file: &Path) -> bool {
     let name = |part: &std::ffi::OsStr| part.to_string_lossy().into_owned();
     let stem = file.file_stem().map(name).unwrap_or_default();
@@ -27,7 +27,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The rooms that a file names by `crate::ROOM`, without its comments and unit tests.
+/// The modules that a file names as `crate::ROOM`, excluding comments and unit tests.
 fn rooms_named(text: &str) -> BTreeSet<String> {
     let lines: Vec<&str> = text.lines().collect();
     let opens_tests =
@@ -39,7 +39,7 @@ fn rooms_named(text: &str) -> BTreeSet<String> {
     after.map(|rest| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()).collect()
 }
 
-/// Which file of a room uses which other room.
+/// For each pair of modules, the files of the first that use the second.
 fn arrows() -> BTreeMap<(String, String), BTreeSet<String>> {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
@@ -50,7 +50,7 @@ fn arrows() -> BTreeMap<(String, String), BTreeSet<String>> {
         let place = file.strip_prefix(&top).expect("below src").to_owned();
         let first = Path::new(place.iter().next().expect("a name"));
         let room = first.file_stem().expect("a name").to_string_lossy().into_owned();
-        assert!(ROOMS.contains(&room.as_str()), "src/{room} has no place in the order of rooms");
+        assert!(ROOMS.contains(&room.as_str()), "src/{room} is missing in ROOMS");
         for used in rooms_named(&std::fs::read_to_string(&file).expect("text")) {
             if used != room && ROOMS.contains(&used.as_str()) {
                 arrows.entry((room.clone(), used)).or_default().insert(place.display().to_string());
@@ -69,8 +69,8 @@ fn arrows_between_rooms_run_one_way() {
     }
     let up = arrows.iter().filter(|((room, used), _)| floor(used) < floor(room) && room != "lib");
     let up: Vec<String> = up.map(|((room, used), files)| format!("{room} -> {used}: {files:?}")).collect();
-    assert!(up.is_empty(), "arrows that run back: {up:#?}");
-    assert!(arrows.contains_key(&("commands".to_owned(), "choose".to_owned())), "no arrow is seen at all");
+    assert!(up.is_empty(), "dependencies against the order: {up:#?}");
+    assert!(arrows.contains_key(&("commands".to_owned(), "choose".to_owned())), "no dependency was found");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! `--method auto` as a whole, with the model alone: what it chooses, what it leaves alone, what it says.
+//! `--method auto` with the model alone: what it chooses, what it leaves unchanged, and what it reports.
 
 use crate::common::{Opened, bake, folder_names, json_of, methods, raykiln, samples, write};
 use glam::{DMat3, DVec3, EulerRot, dvec3};
@@ -12,7 +12,7 @@ fn sample(name: &str) -> PathBuf {
     samples().into_iter().find(|s| s.name == name).expect("the sample is there").scene
 }
 
-/// The corners of a box in the order of [`FACES`].
+/// The corners of a box, in the order that [`FACES`] expects.
 fn corners(center: DVec3, size: DVec3) -> [DVec3; 8] {
     std::array::from_fn(|i| {
         center + size * dvec3((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64) - 0.5 * size
@@ -21,7 +21,7 @@ fn corners(center: DVec3, size: DVec3) -> [DVec3; 8] {
 
 const FACES: &str = "f -8 -6 -5 -7\nf -4 -3 -1 -2\nf -8 -7 -3 -4\nf -6 -2 -1 -5\nf -8 -4 -2 -6\nf -7 -5 -1 -3\n";
 
-/// A room full of boxes along its walls, all of it turned: an OBJ file of ten objects.
+/// A rotated room with 400 boxes in it, as an OBJ file.
 fn turned_room(folder: &Path) -> PathBuf {
     let turn = DMat3::from_euler(EulerRot::ZYX, 0.8, 0.35, 0.5);
     let mut text = String::new();
@@ -242,7 +242,7 @@ fn with_one_blas_a_primitive_a_single_group_of_many_materials_is_not_chosen() {
     assert!(single > 2.0 * single_of_meshes, "{single} for {single_of_meshes}");
 }
 
-/// An axis-aligned object of many small boxes in two heaps far apart, which one BLAS serves well.
+/// An axis-aligned object of many small boxes in two distant heaps, for which one BLAS is best.
 fn two_heaps(folder: &Path) -> PathBuf {
     let mut text = String::from("o heaps\n");
     for i in 0..64u32 {
@@ -270,7 +270,7 @@ fn a_bound_on_extents_holds_though_the_input_is_cheaper() {
     assert!(outcome.contains("of the scene's length, 0.1 allowed"), "{outcome}");
 }
 
-/// A scene of the samples far from the origin: its root nodes below one that is moved.
+/// A sample moved away from the origin: its root nodes become children of a translated node.
 fn moved(name: &str, folder: &Path, by: [f64; 3]) -> PathBuf {
     let mut opened = Opened::read(&sample(name));
     let nodes = opened.json["nodes"].as_array_mut().expect("nodes");

@@ -1,5 +1,5 @@
-//! Input that cannot be baked: the message names file, place and cause, the exit status is 2, and nothing is left
-//! behind. What is only doubtful is mended with a warning.
+//! Input that cannot be baked: the message names the file, the place and the cause, the exit status is 2, and no file
+//! is left behind. Doubtful input is repaired with a warning.
 
 use crate::common::{Ran, folder_names, glb, gltf, raykiln, triangle, write};
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ fn bake(input: &Path, more: &[&str]) -> (Ran, PathBuf) {
     (raykiln(arguments.into_iter().chain(more.iter().map(AsRef::as_ref))), out)
 }
 
-/// Asserts that a file is refused by `bake` and `inspect` with a message that names it and contains each part.
+/// Asserts that `bake` and `inspect` reject a file with a message that names it and contains each part.
 fn assert_refused(name: &str, bytes: impl AsRef<[u8]>, parts: &[&str]) {
     let folder = TempDir::new().expect("a temporary folder");
     let input = write(folder.path(), name, bytes);
@@ -37,7 +37,7 @@ fn assert_names_fault(ran: &Ran, name: &str, parts: &[&str]) {
     }
 }
 
-/// Asserts that a GLB of one triangle is refused after `change`.
+/// Asserts that a GLB of one triangle is rejected after `change`.
 fn assert_refuses(change: impl FnOnce(&mut Value), parts: &[&str]) {
     assert_refused("changed.glb", gltf(CORNERS, [0, 1, 2], change), parts);
 }

@@ -1,4 +1,4 @@
-//! The command line: what goes to which stream, which files are written, which status is returned.
+//! The command line: which output goes to which stream, which files are written, which status is returned.
 
 use crate::common::{folder_names, methods, raykiln, samples, write};
 use raykiln::verify::rays::RayKind;
@@ -78,7 +78,7 @@ fn text_for_people_goes_to_stderr() {
     for word in ["before", "after", "overlap", "instances", "triangles"] {
         assert!(ran.stderr.contains(word), "{word} is missing in:\n{}", ran.stderr);
     }
-    assert!(!ran.stderr.contains('\u{1b}'), "no colours or progress bars where stderr is not a terminal");
+    assert!(!ran.stderr.contains('\u{1b}'), "no colours or progress bars if stderr is not a terminal");
     assert_eq!(folder_names(folder.path()), ["out.glb"]);
 }
 
@@ -146,7 +146,7 @@ fn inspect_prints_text_or_json() {
     assert_eq!(json["input"]["triangles"], 144);
     assert_eq!(json["before"]["instances"], 12);
     let pairs = json["worst_pairs"].as_array().expect("pairs");
-    assert_eq!(pairs.len(), 10, "ten pairs of twelve that overlap");
+    assert_eq!(pairs.len(), 10, "ten of the twelve overlapping pairs");
     let ratios: Vec<f64> = pairs.iter().map(|p| p["overlap_ratio"].as_f64().unwrap()).collect();
     assert!(ratios.is_sorted_by(|a, b| a >= b), "worst first: {ratios:?}");
     assert!((ratios[0] - 21.66 / 1181.04).abs() < 1e-6, "{ratios:?}");
@@ -198,7 +198,7 @@ fn a_buffer_file_of_something_else_is_not_replaced() {
     let uri = || crate::common::json_of(&output)["buffers"][0]["uri"].clone();
     let foreign = write(folder.path(), "out.bin", "of something else");
 
-    // A scene file that is replaced, but does not refer to the file, makes no difference.
+    // It makes no difference if a scene file is replaced that does not refer to the buffer file.
     for (there, method) in [(None, "single"), (None, "per-object"), (Some("no JSON"), "single"), (Some("{}"), "single")]
     {
         if let Some(text) = there {

@@ -1,4 +1,4 @@
-//! Meshes that are copies of others become instances of them, and everything can be traced back.
+//! Meshes that are copies of others become instances of them, and every triangle can be traced back to its source.
 
 use crate::common::{Surface, bake, glb, json_of, methods, raykiln, write};
 use glam::{DAffine3, DQuat, DVec3, dvec3};
@@ -18,7 +18,7 @@ fn strip() -> (Vec<DVec3>, Vec<[u16; 3]>) {
     (corners, triangles)
 }
 
-/// Motions far apart: turned, scaled, every third mirrored.
+/// Distant placements: rotated, scaled, every third mirrored.
 fn motion(i: u32) -> DAffine3 {
     let axis = dvec3(f64::from(i % 3) + 0.2, f64::from(i % 5), 1.0).normalize();
     let place = dvec3(f64::from(i % 4) * 14.0, f64::from(i / 4) * 14.0, f64::from(i % 7));
@@ -31,7 +31,7 @@ fn motion(i: u32) -> DAffine3 {
 /// Normals, positions and triangles.
 type Written = (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<[u16; 3]>);
 
-/// The corners of a copy, with normals along z turned likewise, and its triangles, in reversed order if `reversed`.
+/// A copy with its normals, which point along z, rotated likewise; triangles in reversed order if `reversed`.
 fn baked(i: u32, reversed: bool) -> Written {
     moved(strip(), &motion(i), reversed)
 }
@@ -48,12 +48,12 @@ fn moved((corners, mut triangles): (Vec<DVec3>, Vec<[u16; 3]>), by: &DAffine3, r
     (vec![normal; positions.len()], positions, triangles)
 }
 
-/// A GLB file of copies, each written out where it is; the even ones under a turned parent with a child of their own.
+/// A GLB file of copies, each with its placement applied; the even ones have a rotated parent and a child of their own.
 fn flattened(folder: &Path, count: u32) -> PathBuf {
     file_of((0..count).map(|i| baked(i, i % 5 == 4)).collect(), folder, [0.6, 0.8])
 }
 
-/// A GLB file of meshes; the even ones under a parent, turned so about z, with a child of their own.
+/// A GLB file of meshes; the even ones have a parent rotated about z by `turn`, and a child of their own.
 fn file_of(written: Vec<Written>, folder: &Path, turn: [f64; 2]) -> PathBuf {
     let count = written.len() as u32;
     let mut bin: Vec<u8> = Vec::new();
@@ -139,13 +139,13 @@ fn copies_written_out_become_instances_of_one_mesh() {
     }
 }
 
-/// Turned about an axis that is none of the coordinates', and moved along x.
+/// Rotates about an axis that is not a coordinate axis, and moves along x.
 fn turned(solid: (Vec<DVec3>, Vec<[u16; 3]>), angle: f64, place: f64) -> Written {
     let turn = DQuat::from_axis_angle(dvec3(0.3, 1.0, 0.7).normalize(), angle);
     moved(solid, &DAffine3::from_rotation_translation(turn, dvec3(place, 0.0, 0.0)), false)
 }
 
-/// A strip of another shape: no copy of the first.
+/// A strip of another shape: not a copy of the first.
 fn other_strip() -> (Vec<DVec3>, Vec<[u16; 3]>) {
     let (corners, triangles) = strip();
     (corners.into_iter().map(|p| p * dvec3(8.0, 0.1, 0.1)).collect(), triangles)
@@ -155,7 +155,7 @@ fn other_strip() -> (Vec<DVec3>, Vec<[u16; 3]>) {
 fn turned_copies_with_looser_boxes_do_not_keep_equal_meshes_from_being_shared() {
     let folder = TempDir::new().expect("a temporary folder");
     let equal = (0..8).map(|_| turned(strip(), 0.0, 0.0));
-    // Each of the long ones comes twice.
+    // Each long strip occurs twice.
     let long = (0..16).map(|i| turned(other_strip(), f64::from(i / 2), 3.0 * f64::from(i / 2)));
     let input = file_of(equal.chain(long).collect(), folder.path(), [0.0, 1.0]);
     let output = folder.path().join("out.glb");
@@ -213,7 +213,7 @@ fn copies_become_copies_of_one_node_that_names_their_meshes() {
     let input = flattened(folder.path(), 12);
     let output = folder.path().join("copies.glb");
     let report = bake(&input, &output, &["--method", "keep", "--copies", "rigid", "--instancing", "extension"]);
-    // Ten and two are in one order of triangles each.
+    // Ten copies have one triangle order, two the other.
     assert_eq!(report["copied"], json!({"nodes": 2, "copies": 12, "stay": 0}));
     Surface::of_input(&input).assert_shown_by(&Surface::of_output(&output));
     assert_eq!(verify(&input, &output)["matched_by"], "identity");

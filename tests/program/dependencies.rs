@@ -1,4 +1,4 @@
-//! What the project depends on: `deny.toml` is kept, and `rust-version` is not below that of a dependency.
+//! Dependencies: they conform to `deny.toml`, and none needs a newer Rust than `rust-version`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn strings(list: &toml::Value) -> Vec<&str> {
     list.as_array().into_iter().flatten().filter_map(toml::Value::as_str).collect()
 }
 
-/// All packages of the workspace and below, as `cargo metadata` lists them.
+/// All packages of the workspace and their dependencies, as listed by `cargo metadata`.
 fn packages() -> Vec<Value> {
     let graph = deny("graph");
     let mut command = Command::new(env!("CARGO"));
@@ -39,7 +39,7 @@ fn text<'a>(package: &'a Value, key: &str) -> &'a str {
     package[key].as_str().unwrap_or_default()
 }
 
-/// Whether a licence expression without nested parentheses can be met by the licences allowed.
+/// Whether the allowed licences satisfy a licence expression without nested parentheses.
 fn is_allowed(expression: &str, allowed: &[&str]) -> bool {
     let one_of = |words: &str| {
         let words = words.trim().trim_start_matches('(').trim_end_matches(')');
@@ -80,7 +80,7 @@ fn no_dependency_has_two_versions_but_those_on_the_list() {
     }
     for skip in skipped {
         let found = versions.values().any(|v| v.len() > 1 && v.iter().any(|v| v == skip));
-        assert!(found, "{skip} is skipped in vain");
+        assert!(found, "{skip} is skipped but has no second version");
     }
 }
 

@@ -1,11 +1,11 @@
-//! The same input gives the same bytes, whatever the number of threads.
+//! The same input yields the same bytes for any number of threads.
 
 use crate::common::{bake, methods, samples};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// Every byte of the output files of a bake, by file name.
+/// All bytes of a bake's output files, by file name.
 fn output(scene: &Path, method: &str, name: &str, threads: &str) -> Vec<(String, Vec<u8>)> {
     let folder = TempDir::new().expect("a temporary folder");
     bake(scene, &folder.path().join(name), &["--method", method, "--threads", threads]);

@@ -1,4 +1,4 @@
-//! Every method's layout on a device: what its rays hit is what the CPU tracer hits, ray by ray.
+//! Every method's layout on a device: each ray has the same hit as in the CPU tracer.
 
 use crate::common::samples;
 use raykiln::emit;
@@ -8,7 +8,7 @@ use raykiln::verify::cpu::{CpuTracer, Reference, TwoLevel};
 use raykiln::verify::vulkan::{BuildOptions, Device, Options, Pipelines, Vulkan, VulkanTracer, Wanted};
 use raykiln::verify::{Hit, Tracer, rays};
 
-/// Rays of each kind.
+/// Number of rays of each kind.
 const RAYS: usize = 500;
 
 fn open() -> (Vulkan, Device) {
@@ -18,14 +18,14 @@ fn open() -> (Vulkan, Device) {
     (vulkan, device)
 }
 
-/// The scene of a file as a method lays it out.
+/// The scene of a file in the layout of a method.
 fn laid_out(document: &raykiln_formats::Document, scene: &Scene, method: Method) -> Scene {
     let layout = methods::run(method, scene, &methods::Options::default());
     let emitted = emit::emit(document, scene, &layout, &emit::Options::default());
     scene::load(&emitted.document, &LoadOptions::default()).expect("what is emitted is sound").0
 }
 
-/// Whether two hits are at the same place of the same side; a ray through an edge may hit either triangle.
+/// Whether two hits are at the same place on the same side; a ray through an edge may hit either triangle.
 fn agree(a: &Option<Hit>, b: &Option<Hit>, far: f64) -> bool {
     match (a, b) {
         (Some(a), Some(b)) => (f64::from(a.t) - f64::from(b.t)).abs() <= far && a.front == b.front,
@@ -52,7 +52,7 @@ fn every_method_is_hit_on_a_device_as_on_the_cpu() {
             let expected = on_cpu.closest(&all);
             let found = tracer.closest(&device.upload_rays(&all).expect("uploaded")).expect("traced");
             let differ = expected.iter().zip(&found).filter(|(a, b)| !agree(a, b, far)).count();
-            // Past a silhouette, a ray may go either way.
+            // A ray that grazes a silhouette may hit or miss.
             assert!(differ <= 2, "{name}: {differ} of {} rays differ", all.len());
             let same = |(a, b): (&Option<Hit>, &Option<Hit>)| {
                 a.zip(*b).is_some_and(|(a, b)| (a.instance, a.triangle) == (b.instance, b.triangle))

@@ -1,4 +1,5 @@
-//! Vulkan devices: listed, chosen, refused. `tests/install_vulkan.sh` installs a software driver; without it these fail.
+//! Vulkan devices: listing, selection, rejection. These tests need the software driver that `tests/install_vulkan.sh`
+//! installs.
 
 use crate::common::{Ran, folder_names, methods, raykiln, samples};
 use serde_json::Value;
@@ -65,10 +66,10 @@ fn auto_times_the_fastest_layout_along_other_axes() {
     let speed = |c: &Value| c["measured_speedup_ratio"].as_f64();
     let is_along_others = |c: &&Value| c["name"].as_str().is_some_and(|name| name.contains(", axes "));
     let (others, straight): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(is_along_others);
-    assert_eq!(speed(&candidates[0]), Some(1.0), "the input is its own measure");
+    assert_eq!(speed(&candidates[0]), Some(1.0), "the input's speedup is 1");
     assert!(straight.iter().all(|c| speed(c).is_none() || c.get("measured_spread_ratio").is_some()));
     let fastest = straight.iter().filter(|c| c["name"] != "keep").filter_map(|c| speed(c)).fold(0.0, f64::max);
-    // What is slower than the input is not worth it.
+    // Layouts slower than the input are not tried along other axes.
     assert!(fastest < 1.0 || others.len() == 1, "{candidates:?}");
     for other in others {
         let name = other["name"].as_str().and_then(|name| name.split(", axes ").next());

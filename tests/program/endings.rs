@@ -1,4 +1,4 @@
-//! How runs end that cannot end well: told to by a signal, or with nowhere to print to. Nothing staged stays behind.
+//! Runs that end by a signal or have no working output stream. No staged files are left behind.
 
 use crate::common::{folder_names, gltf, samples, write};
 use std::fs::{self, File};
@@ -16,22 +16,22 @@ fn scene() -> String {
     sample.scene.to_str().expect("UTF-8").to_owned()
 }
 
-/// `raykiln` with its streams closed.
+/// `raykiln` with its streams connected to the null device.
 fn raykiln(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_raykiln"));
     command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command
 }
 
-/// Arguments of a bake that traces so many rays.
+/// Arguments of a bake that traces this many rays of each kind.
 fn bake<'a>(input: &'a str, output: &'a str, rays: &'a str) -> [&'a str; 11] {
     ["bake", input, "-o", output, "--method", "single", "--device", "cpu", "--rays", rays, "--json"]
 }
 
-/// More rays than a test waits for.
+/// So many rays that the bake never ends by itself during a test.
 const ENDLESS: &str = "4000000";
 
-/// Waits till the program has staged files in a folder.
+/// Waits until the program has staged files in a folder.
 fn wait_till_staged(folder: &Path, child: &mut Child) {
     let start = Instant::now();
     let is_staged = || {
@@ -39,19 +39,19 @@ fn wait_till_staged(folder: &Path, child: &mut Child) {
         hidden.is_some_and(|name| fs::read_dir(folder.join(name)).is_ok_and(|mut files| files.next().is_some()))
     };
     while !is_staged() {
-        assert_eq!(child.try_wait().expect("a child"), None, "it ended before it staged anything");
-        assert!(start.elapsed() < Duration::from_secs(60), "nothing is staged");
+        assert_eq!(child.try_wait().expect("a child"), None, "the program ended before it staged anything");
+        assert!(start.elapsed() < Duration::from_secs(60), "nothing was staged");
         sleep(Duration::from_millis(2));
     }
 }
 
-/// Sends a signal; does nothing where the program has ended.
+/// Sends a signal; does nothing if the program has ended.
 fn send(signal: &str, child: &Child) {
     let kill = format!("kill -{signal} {} 2>/dev/null", child.id());
     Command::new("sh").args(["-c", &kill]).status().expect("a shell");
 }
 
-/// Ends a bake by signals, some time after it has staged its output; returns its status.
+/// Ends a bake by signals, `delay` after it has staged its output; returns its status.
 fn interrupted(signals: &[&str], folder: &Path, delay: Duration) -> ExitStatus {
     let output = folder.join("out.gltf");
     let mut child =
@@ -62,7 +62,7 @@ fn interrupted(signals: &[&str], folder: &Path, delay: Duration) -> ExitStatus {
     child.wait().expect("a child")
 }
 
-/// Signals that the tests were started to ignore, as by `nohup`, the program ignores too.
+/// The signals that the tests do not ignore. Signals ignored at start, as by `nohup`, are ignored by the program too.
 fn heeded() -> impl Iterator<Item = (&'static str, i32)> {
     let status = fs::read_to_string("/proc/self/status").expect("Linux has it");
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).expect("Linux has it").trim().to_owned();
@@ -110,7 +110,7 @@ fn a_signal_at_any_time_leaves_all_or_nothing() {
         let whole = ["out.bin", "out.gltf", "report.json"];
         assert!(names == whole || names.is_empty() && !status.success(), "{step}: {status}: {names:?}");
     }
-    assert!(ended > 0, "the first signals come in time");
+    assert!(ended > 0, "no signal arrived before the bake ended");
 }
 
 #[test]

@@ -5,10 +5,10 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Diagonal of the sample's scene, in its units; no more exact than the faults need.
+/// Diagonal of the sample's scene in its units, as accurate as the faults need.
 const SIZE: f64 = 31.0;
 
-/// A name, what to do, and words of the failure.
+/// A name, the damage, and words that the failure contains.
 type Fault = (&'static str, fn(&mut Opened), &'static [&'static str]);
 
 const FAULTS: [Fault; 6] = [
@@ -32,7 +32,7 @@ fn flip_a_triangle(opened: &mut Opened) {
     opened.set_numbers(accessor, &indices);
 }
 
-/// Leaves the last triangle out of the indices and of the runs.
+/// Drops the last triangle from the indices and from the runs.
 fn drop_a_triangle(opened: &mut Opened) {
     let (indices, runs) = (opened.indices(), opened.runs());
     let kept = opened.numbers(indices);
@@ -42,7 +42,7 @@ fn drop_a_triangle(opened: &mut Opened) {
     opened.set_numbers(runs, &counts);
 }
 
-/// Says of the triangles of two equal crates that they are the other's.
+/// Swaps the recorded sources of two equal crates' triangles.
 fn swap_provenance(opened: &mut Opened) {
     let sources = &mut opened.primitive()["extras"]["raykiln"]["provenance"]["sources"];
     sources.as_array_mut().expect("sources").swap(0, 1);

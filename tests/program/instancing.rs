@@ -1,4 +1,4 @@
-//! `--instancing extension`: instances become copies of one node, for every sample and method.
+//! `--instancing extension`: instances become copies of one node, for all samples and methods.
 
 use crate::common::{bake, folder_names, json_of, methods, samples};
 use std::fs;
@@ -11,7 +11,7 @@ fn sample(name: &str) -> std::path::PathBuf {
     samples().into_iter().find(|s| s.name == name).expect("the sample is there").scene
 }
 
-/// Every byte of the output files of a bake, by file name.
+/// All bytes of a bake's output files, by file name.
 fn output(scene: &Path, more: &[&str], threads: &str) -> Vec<(String, Vec<u8>)> {
     let folder = TempDir::new().expect("a temporary folder");
     bake(scene, &folder.path().join("out.glb"), &[more, &EXTENSION, &["--threads", threads]].concat());

@@ -1,4 +1,4 @@
-//! Experiments: tables, fits, and what is refused.
+//! Experiments: tables, fits and rejected configurations.
 
 use crate::common::{folder_names, raykiln, samples};
 use raykiln::verify::rays::RayKind;
@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// A folder with two samples in folders of their own.
+/// A folder with two samples, each in a folder of its own.
 fn two_samples() -> TempDir {
     let folder = TempDir::new().unwrap();
     for sample in samples().into_iter().filter(|s| ["overlapping", "staggered"].contains(&s.name.as_str())) {
@@ -28,13 +28,13 @@ const CONFIG: &str =
     "scenes = ['*/*.glb']\nout = 'tables'\ndevice = 'cpu'\nrays = 64\ncounted_rays = 256\nrepeats = 3\n";
 const FIT: &str = "[fit]\nclass = 'no-rt-cores'\n";
 
-/// Whether a column holds what a clock said.
+/// Whether a column holds measured times.
 fn is_time(name: &str) -> bool {
     let measured = ["_picoseconds", "_speedup_ratio", "_spread_ratio"].iter().any(|end| name.ends_with(end));
     measured && !name.ends_with("_predicted_picoseconds")
 }
 
-/// The table in a folder: names, and rows without what a clock said.
+/// The table in a folder: column names, and rows without measured times.
 fn table(folder: &Path) -> (Vec<String>, Vec<Vec<String>>) {
     let mut reader = csv::Reader::from_path(folder.join("tables/layouts.csv")).expect("a table");
     let names: Vec<String> = reader.headers().expect("a header").iter().map(str::to_owned).collect();

@@ -1,4 +1,5 @@
-//! Whole-program tests: the built binary on files. One file a theme, one binary for all, so that it links once.
+//! Whole-program tests: run the built binary on files. One file per topic, but one binary for all, so that it links
+//! once.
 
 mod common;
 mod copies;

@@ -1,4 +1,4 @@
-//! Files changed at random never make the program panic: it reads them or refuses them.
+//! Randomly modified files never make the program panic: it reads or rejects them.
 
 use crate::common::{Sample, folder_names, methods, raykiln, samples};
 use fastrand::Rng;
@@ -12,7 +12,7 @@ use tempfile::TempDir;
 const READS_A_FILE: u64 = 300;
 const BAKES_A_FILE: u64 = 5;
 
-/// Changes some bytes: bits, digits (which keep JSON and OBJ well-formed), whole numbers, the length, the order.
+/// Modifies some bytes: bits, digits (which keep JSON and OBJ well-formed), whole numbers, the length, the order.
 fn mutate(bytes: &mut Vec<u8>, random: &mut Rng) {
     for _ in 0..random.usize(1..=4) {
         if bytes.is_empty() {
@@ -30,14 +30,14 @@ fn mutate(bytes: &mut Vec<u8>, random: &mut Rng) {
     }
 }
 
-/// Changes the first digit from a place on, if there is one.
+/// Changes the first digit at or after a position, if there is one.
 fn change_digit(bytes: &mut [u8], at: usize, random: &mut Rng) {
     if let Some(digit) = bytes[at..].iter_mut().find(|b| b.is_ascii_digit()) {
         *digit = b'0' + random.u8(..10);
     }
 }
 
-/// Replaces the first run of digits from a place on by a number that is likely to hurt.
+/// Replaces the first run of digits at or after a position by a number that is likely to cause faults.
 fn change_number(bytes: &mut Vec<u8>, at: usize, random: &mut Rng) {
     const NUMBERS: [&str; 10] = [
         "0",
@@ -57,7 +57,7 @@ fn change_number(bytes: &mut Vec<u8>, at: usize, random: &mut Rng) {
     bytes.splice(start..start + length, number.bytes());
 }
 
-/// A sample copied to a folder of its own, and its files there.
+/// A sample copied to a folder of its own, with the paths of the copies.
 fn copied(sample: &Sample) -> (TempDir, PathBuf, Vec<PathBuf>) {
     let folder = TempDir::new().expect("a temporary folder");
     let from = sample.scene.parent().expect("a folder");
@@ -74,7 +74,7 @@ fn copied(sample: &Sample) -> (TempDir, PathBuf, Vec<PathBuf>) {
     (folder, scene, files)
 }
 
-/// Calls `check` with each sample's scene after each of many changes to one of its files.
+/// Calls `check` with each sample's scene after each of `count` modifications to each of its files.
 fn for_each_mutation(count: u64, check: impl Fn(&Path, &Path, u64)) {
     for sample in samples() {
         let (_folder, scene, files) = copied(&sample);
@@ -91,7 +91,7 @@ fn for_each_mutation(count: u64, check: impl Fn(&Path, &Path, u64)) {
     }
 }
 
-/// Reads a file and lays its scene out by every method; a refusal is fine.
+/// Reads a file and applies every method to its scene; rejecting the file is allowed.
 fn read_and_lay_out(path: &Path) {
     let Ok(document) = raykiln_formats::read(path) else { return };
     let Ok((scene, _)) = scene::load(&document, &LoadOptions::default()) else { return };

@@ -1,4 +1,4 @@
-//! What reports say: that it is true, and that nothing of it is left unsaid.
+//! Reports are true and complete.
 
 use crate::common::{bake, raykiln, samples};
 use serde_json::Value;

@@ -1,4 +1,4 @@
-//! What goes in comes out: `keep`, and the way from one kind of file to the other and back.
+//! Round trips: `keep`, and conversion from each file format to the other and back.
 
 use crate::common::{bake, folder_names, json_of, samples};
 use serde_json::Value;
@@ -12,7 +12,7 @@ fn kept(scene: &Path, folder: &TempDir, name: &str) -> PathBuf {
     output
 }
 
-/// A document without what the kind of file decides: where the bytes lie.
+/// A document without what depends on the file format: where the bytes are stored.
 fn without_storage(path: &Path) -> Value {
     let mut json = json_of(path);
     let object = json.as_object_mut().expect("an object");
@@ -31,7 +31,7 @@ fn without_storage(path: &Path) -> Value {
     json
 }
 
-/// The bytes of every accessor that has a buffer view, in order.
+/// The bytes of every accessor's buffer view, in order.
 fn accessor_bytes(path: &Path) -> Vec<Vec<u8>> {
     let document = raykiln_formats::read(path).unwrap_or_else(|e| panic!("{e}"));
     let number = |value: &Value| value.as_u64().unwrap_or(0) as usize;
@@ -62,7 +62,7 @@ fn the_other_kind_of_file_says_the_same() {
         let text = kept(&binary, &folder, "two.gltf");
         let again = kept(&text, &folder, "three.glb");
         for other in [&binary, &text, &again] {
-            // Embedding an image adds a buffer view; all accessors stay.
+            // Embedding an image adds a buffer view; accessors are unchanged.
             let [mut before, mut after] = [&sample.scene, other].map(|path| without_storage(path));
             if before["images"].is_array() {
                 for json in [&mut before, &mut after] {

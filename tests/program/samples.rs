@@ -1,4 +1,4 @@
-//! Every sample becomes what its `expect.toml` says.
+//! Every sample matches its `expect.toml`.
 
 use crate::common::{Bake, Number, Sample, Surface, bake, json_of, samples};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Root properties that a bake must not touch. Animations are compared apart: their accessors are renumbered.
+/// Root properties that a bake must not change. Animations are compared separately: their accessors are renumbered.
 const UNTOUCHED: [&str; 9] =
     ["materials", "textures", "images", "samplers", "cameras", "skins", "extensions", "extras", "scene"];
 
@@ -20,7 +20,7 @@ fn there_are_enough_samples() {
     }
 }
 
-/// One test a sample, so that one failure hides no other.
+/// One test per sample, so that no failure hides another.
 macro_rules! sample_tests {
     ($($name:ident)*) => {
         const TESTED: &[&str] = &[$(stringify!($name)),*];
@@ -63,7 +63,7 @@ fn check(name: &str) {
     }
 }
 
-/// An output of the sample's own kind in a folder of its own; OBJ becomes GLB.
+/// An output path of the sample's own format in a new folder; OBJ becomes GLB.
 fn output_path(sample: &Sample, folder: &TempDir, i: usize) -> PathBuf {
     let folder = folder.path().join(i.to_string());
     fs::create_dir(&folder).expect("a new folder");
@@ -89,7 +89,7 @@ fn check_verdict(what: &str, report: &Value, expected: &Bake) {
     assert!(report["verify"]["hits"].as_u64() > Some(0), "{what}: no ray hit anything");
 }
 
-/// The output is the input, byte for byte, with every file it refers to.
+/// Asserts that the output equals the input byte for byte, with every file it refers to.
 fn check_bytes(input: &Path, output: &Path) {
     if input.extension() != output.extension() {
         return;
@@ -126,7 +126,7 @@ fn check_output(sample: &Sample, output: &Path, expected: &Bake, folder: &TempDi
     }
 }
 
-/// The sample itself, or what `keep` makes of an OBJ file.
+/// The sample itself or, for an OBJ file, the output of `keep`.
 fn as_gltf(sample: &Sample, folder: &TempDir) -> PathBuf {
     if sample.scene.extension().is_none_or(|e| e != "obj") {
         return sample.scene.clone();
@@ -136,7 +136,7 @@ fn as_gltf(sample: &Sample, folder: &TempDir) -> PathBuf {
     path
 }
 
-/// A node keeps all it has but its mesh, and an emptied one says where its triangles went.
+/// Asserts that a node keeps everything except its mesh, and that an emptied one records where its triangles went.
 fn check_node(before: &Value, after: &Value, document: &Value) {
     for property in ["name", "translation", "rotation", "scale", "matrix", "camera", "skin"] {
         assert_eq!(before[property], after[property], "{property} of {before}");
@@ -167,7 +167,7 @@ fn check_animations(before: &Value, after: &Value) {
     assert_eq!(channels(before), channels(after));
 }
 
-/// Triangles of every mesh that a node places, in ascending order.
+/// Triangles per mesh that a node places, in ascending order.
 fn group_triangles(json: &Value) -> Vec<usize> {
     let indices = |primitive: &Value| {
         let accessor = primitive["indices"].as_u64().expect("indices") as usize;

@@ -1,5 +1,5 @@
 //! A second reader: the crate `gltf`, which shares no code with this program, finds the same triangles, materials and
-//! names in every output as our own reader.
+//! names in every output as `raykiln-formats`.
 
 use crate::common::{bake, methods, samples};
 use glam::{DAffine3, DVec3, Mat4, Quat, Vec3};
@@ -13,7 +13,7 @@ use std::fmt::Debug;
 use std::path::Path;
 use tempfile::TempDir;
 
-/// Samples of which the crate cannot read every output, and why.
+/// Samples with outputs that the crate cannot read, and why.
 const UNREADABLE: [(&str, &str); 1] = [(
     "copies",
     "the crate refuses files that require EXT_mesh_gpu_instancing, as the output does unless it writes the copies out",
@@ -78,14 +78,14 @@ fn name(name: Option<&str>) -> Option<String> {
     name.map(str::to_owned)
 }
 
-/// What a material says, its numbers as texts of six digits.
+/// The properties of a material, numbers as text with six digits.
 #[derive(Debug, PartialEq)]
 struct Material {
     name: Option<String>,
     opacity: String,
     double_sided: bool,
     numbers: Vec<String>,
-    /// Whether there are textures of the base colour, of metallic and roughness, of normals, of occlusion, of emission.
+    /// Whether it has textures for base colour, metallic and roughness, normals, occlusion, and emission.
     textures: [bool; 5],
 }
 
@@ -132,7 +132,7 @@ fn their_materials(other: &Gltf) -> Vec<Material> {
     other.materials().map(material).collect()
 }
 
-/// As many digits as single precision keeps.
+/// Formats a number with as many digits as single precision keeps.
 fn six_digits(x: &f64) -> String {
     format!("{:.5e}", x + 0.0)
 }
@@ -144,7 +144,7 @@ struct Triangle {
     world: [DVec3; 3],
 }
 
-/// What must agree bit by bit: node, name of the mesh, primitive, material, and corners as stored.
+/// What must agree bit for bit: node, mesh name, primitive, material, and corners as stored.
 type Stored = (usize, Option<String>, usize, Option<usize>, [[u32; 3]; 3]);
 
 impl Triangle {
@@ -155,7 +155,7 @@ impl Triangle {
     }
 }
 
-/// The triangles of the default scene: nodes depth first, each before those below it.
+/// The triangles of the default scene, depth first, each node before its children.
 fn our_triangles(contents: &Contents) -> Vec<Triangle> {
     let mut todo: Vec<(usize, DAffine3)> = contents.roots.iter().rev().map(|&n| (n, DAffine3::IDENTITY)).collect();
     let mut found = Vec::new();
@@ -164,7 +164,7 @@ fn our_triangles(contents: &Contents) -> Vec<Triangle> {
         let world = parent * node.local;
         todo.extend(node.children.iter().rev().map(|&child| (child, world)));
         let Some(mesh) = node.mesh.map(|mesh| &contents.meshes[mesh]) else { continue };
-        assert!(node.copies.is_none(), "a file with copies of nodes that the crate does not refuse");
+        assert!(node.copies.is_none(), "the crate accepted a file with copies of nodes");
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             for triangle in
                 primitive.triangles.iter().flat_map(|t| t.corners.iter().map(|c| c.map(|v| t.positions[v as usize])))
@@ -177,7 +177,7 @@ fn our_triangles(contents: &Contents) -> Vec<Triangle> {
     found
 }
 
-/// As [`our_triangles`].
+/// Like [`our_triangles`].
 fn their_triangles(other: &Gltf) -> Vec<Triangle> {
     let scene = other.default_scene().or_else(|| other.scenes().next()).expect("a scene");
     let roots: Vec<gltf::Node> = scene.nodes().collect();
@@ -197,7 +197,7 @@ fn their_triangles(other: &Gltf) -> Vec<Triangle> {
     found
 }
 
-/// Parent from node.
+/// The transform from node to parent.
 fn local(node: &gltf::Node) -> DAffine3 {
     match node.transform() {
         Transform::Matrix { matrix } => DAffine3::from_mat4(Mat4::from_cols_array_2d(&matrix).as_dmat4()),

@@ -1,4 +1,4 @@
-//! The bytes that are raced are the bytes that are written.
+//! The bytes that are timed are the bytes that are written.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ fn load(file: &Path) -> (Document, Scene) {
     (document, scene)
 }
 
-/// Every layout that a method gives a scene, with a name.
+/// The layouts of a scene by every method, with names.
 fn layouts(scene: &Scene) -> Vec<(String, Layout)> {
     let mut layouts = Vec::new();
     for method in Method::ALL {
@@ -36,16 +36,16 @@ fn layouts(scene: &Scene) -> Vec<(String, Layout)> {
     layouts
 }
 
-/// The bits of the positions of a geometry, and its triangles.
+/// The bits of a geometry's positions, and its triangles.
 type GeometryBits<'a> = (Vec<[u32; 3]>, &'a [[u32; 3]]);
 
-/// Positions, bit for bit, and triangles of each geometry of a mesh.
+/// For each geometry of a mesh, its positions bit for bit and its triangles.
 fn content(mesh: &Mesh) -> Vec<GeometryBits<'_>> {
     let bits = |g: &scene::Geometry| g.positions.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
     mesh.geometries.iter().map(|g| (bits(g), g.triangles.as_slice())).collect()
 }
 
-/// The meshes that a layout comes to in the order of its file: first those of the input, then those written anew.
+/// The meshes of a layout in the order of its file: first the input's, then the rewritten ones.
 fn in_file_order<'a>(scene: &Scene, layout: &Layout, raced: &'a Scene) -> Vec<&'a Mesh> {
     let source = |group: usize| match layout.groups[group].content {
         raykiln::layout::Content::Kept(mesh) => scene.meshes[mesh.0 as usize].source,
@@ -66,7 +66,7 @@ fn assert_raced_as_written(document: &Document, scene: &Scene, sample: &str) {
         let raced = stored(scene, &layout);
         let raced: Vec<_> = in_file_order(scene, &layout, &raced).into_iter().map(content).collect();
         let written: Vec<_> = written.meshes.iter().map(content).collect();
-        assert!(raced == written, "{sample}, {name}: what is raced is not what is written");
+        assert!(raced == written, "{sample}, {name}: the timed bytes are not the written bytes");
     }
 }
 

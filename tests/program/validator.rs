@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
-/// Asserts that the validator finds no error; panics where Node.js or the validator is missing.
+/// Asserts that the validator finds no error; panics if Node.js or the validator is missing.
 fn assert_valid(files: &[PathBuf]) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let modules = root.join("target/npm");

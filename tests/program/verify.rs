@@ -1,4 +1,4 @@
-//! `raykiln verify`: two files of one scene, whoever wrote them.
+//! `raykiln verify` on two files of one scene, whichever program wrote them.
 
 use crate::common::{Opened, Ran, bake, gltf, raykiln, samples, write};
 use serde_json::Value;
@@ -18,7 +18,7 @@ fn verify(before: &Path, after: &Path, more: &[&str]) -> Ran {
     raykiln(fixed.iter().chain(more))
 }
 
-/// A sample's bake as somebody else might have written it: it says nothing about where its triangles come from.
+/// A sample's bake as another program might have written it: without records of where its triangles come from.
 fn by_a_stranger(sample_name: &str, folder: &Path, change: impl FnOnce(&mut Value)) -> PathBuf {
     let output = folder.join("out.gltf");
     bake(&sample(sample_name), &output, &["--method", "single"]);
@@ -86,7 +86,7 @@ fn a_strangers_faults_are_failures() {
     assert_eq!(ran.status, 1, "{}", ran.stdout);
     let json: Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();
     assert_eq!(json["verdict"], "failed");
-    // Two hundredths of the diagonal are far more than that.
+    // This limit exceeds the movement: 0.01 units with a diagonal of 1.4.
     assert_eq!(verify(&before, &after, &["--max-position-error-ratio", "0.02"]).status, 0);
 }
 
@@ -95,7 +95,7 @@ fn how_triangles_are_matched_can_be_chosen() {
     let folder = TempDir::new().unwrap();
     let output = folder.path().join("out.gltf");
     bake(&sample("overlapping"), &output, &["--method", "single"]);
-    // As by a tool that orders triangles its own way and copies extras.
+    // Imitates a tool that reorders triangles and copies extras.
     let mut opened = Opened::read(&output);
     let indices = opened.indices();
     let reordered: Vec<u32> = opened.numbers(indices).chunks(3).rev().flatten().copied().collect();

@@ -1,4 +1,4 @@
-//! A bake's output, taken apart so that it can be damaged.
+//! Opens a bake's output in order to damage it.
 
 use serde_json::{Value, json};
 use std::fs;
@@ -12,7 +12,7 @@ pub(crate) struct Opened {
 }
 
 impl Opened {
-    /// Reads a file as `raykiln bake -o FILE.gltf` writes it.
+    /// Reads a file written by `raykiln bake -o FILE.gltf`.
     pub(crate) fn read(path: &Path) -> Opened {
         let json: Value = serde_json::from_slice(&fs::read(path).expect("readable")).expect("JSON");
         let uri = json["buffers"][0]["uri"].as_str().expect("a buffer beside the file");
@@ -32,29 +32,29 @@ impl Opened {
         &mut self.json["meshes"][0]["primitives"][0]
     }
 
-    /// Accessor of the primitive's positions.
+    /// Index of the accessor of the primitive's positions.
     pub(crate) fn positions(&mut self) -> usize {
         index(&self.primitive()["attributes"]["POSITION"])
     }
 
-    /// Accessor of the primitive's indices.
+    /// Index of the accessor of the primitive's indices.
     pub(crate) fn indices(&mut self) -> usize {
         index(&self.primitive()["indices"])
     }
 
-    /// Accessor of the runs that tell where the primitive's triangles come from.
+    /// Index of the accessor of the runs that record where the primitive's triangles come from.
     pub(crate) fn runs(&mut self) -> usize {
         index(&self.primitive()["extras"]["raykiln"]["provenance"]["runs"])
     }
 
-    /// The whole numbers of an accessor.
+    /// The integers of an accessor.
     pub(crate) fn numbers(&self, accessor: usize) -> Vec<u32> {
         let (bytes, width) = self.place(accessor);
         let number = |b: &[u8]| b.iter().rev().fold(0, |n, &byte| n << 8 | u32::from(byte));
         self.buffer[bytes].chunks_exact(width).map(number).collect()
     }
 
-    /// Replaces the whole numbers of an accessor by others, no more than there were.
+    /// Replaces the integers of an accessor by others, at most as many as before.
     pub(crate) fn set_numbers(&mut self, accessor: usize, numbers: &[u32]) {
         let (bytes, width) = self.place(accessor);
         assert!(numbers.len() * width <= bytes.len());
@@ -63,12 +63,12 @@ impl Opened {
         self.json["accessors"][accessor]["count"] = numbers.len().into();
     }
 
-    /// Adds to the first coordinate of the first of some positions.
+    /// Adds to the first coordinate of the accessor's first position.
     pub(crate) fn move_vertex(&mut self, accessor: usize, by: f32) {
         let (bytes, _) = self.place(accessor);
         let first: &mut [u8; 4] = self.buffer[bytes].first_chunk_mut().expect("a position");
         *first = (f32::from_le_bytes(*first) + by).to_le_bytes();
-        // The box stays true.
+        // Extends the bounds so that they stay valid.
         let bounds = &mut self.json["accessors"][accessor];
         bounds["min"][0] = (bounds["min"][0].as_f64().expect("a number") - f64::from(by)).into();
         bounds["max"][0] = (bounds["max"][0].as_f64().expect("a number") + f64::from(by)).into();
@@ -82,7 +82,7 @@ impl Opened {
         node["translation"] = json!([x + by, y, z]);
     }
 
-    /// The bytes of an accessor without stride, and the bytes of one number.
+    /// The bytes of an accessor without stride, and the size of one number.
     fn place(&self, accessor: usize) -> (Range<usize>, usize) {
         let accessor = &self.json["accessors"][accessor];
         let width = match accessor["componentType"].as_u64() {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A sample and what must become of it.
+/// A sample and its expectations.
 pub(crate) struct Sample {
     pub(crate) name: String,
     /// The scene file.
@@ -21,13 +21,13 @@ pub(crate) struct Expectation {
     scene: String,
     pub(crate) input: BTreeMap<String, Number>,
     pub(crate) before: BTreeMap<String, Number>,
-    /// Area of the surfaces by name of their material.
+    /// Surface areas by material name.
     #[serde(default)]
     pub(crate) areas: BTreeMap<String, Number>,
     pub(crate) bake: Vec<Bake>,
 }
 
-/// What one call of `raykiln bake` must give.
+/// The expected result of one `raykiln bake` run.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Bake {
@@ -35,15 +35,15 @@ pub(crate) struct Bake {
     /// Further arguments.
     #[serde(default)]
     pub(crate) args: Vec<String>,
-    /// The layout is the input's; where the kind of file is too, so is every byte.
+    /// The layout is the input's; if the file format is too, so is every byte.
     #[serde(default)]
     pub(crate) unchanged: bool,
-    /// What `input` has other than without the arguments.
+    /// Values of `input` that differ because of the arguments.
     #[serde(default)]
     pub(crate) input: BTreeMap<String, Number>,
     #[serde(default)]
     pub(crate) after: BTreeMap<String, Number>,
-    /// Triangles of every mesh that a node of the output places, in ascending order.
+    /// Triangles per mesh that a node of the output places, in ascending order.
     pub(crate) group_triangles: Option<Vec<usize>>,
 }
 
@@ -65,13 +65,13 @@ impl Number {
 }
 
 impl Bake {
-    /// The arguments after input and output.
+    /// The arguments that follow input and output.
     pub(crate) fn arguments(&self) -> Vec<&str> {
         ["--method", &self.method].into_iter().chain(self.args.iter().map(String::as_str)).collect()
     }
 }
 
-/// Every sample, by name.
+/// All samples, sorted by name.
 pub(crate) fn samples() -> Vec<Sample> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
     let entries = fs::read_dir(&folder).expect("samples/ is there").map(|e| e.expect("readable").path());

@@ -1,4 +1,4 @@
-//! Small files made inline.
+//! Small files defined inline.
 
 use serde_json::{Value, json};
 use std::fs;
@@ -16,7 +16,7 @@ pub(crate) fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     [&header[..], &word(text.len()), b"JSON", &text, &word(bin.len()), b"BIN\0", &bin].concat()
 }
 
-/// A document of one triangle in the buffer of [`gltf`]: three positions, then three 16-bit indices.
+/// A document of one triangle for the buffer of [`gltf`]: three positions, then three 16-bit indices.
 pub(crate) fn triangle() -> Value {
     json!({
         "asset": {"version": "2.0"},
@@ -33,7 +33,7 @@ pub(crate) fn triangle() -> Value {
     })
 }
 
-/// A GLB file of [`triangle`] as `change` leaves it, with these positions.
+/// A GLB file of [`triangle`] after `change`, with these positions and indices.
 pub(crate) fn gltf(positions: [[f32; 3]; 3], indices: [u16; 3], change: impl FnOnce(&mut Value)) -> Vec<u8> {
     let mut json = triangle();
     change(&mut json);
@@ -49,7 +49,7 @@ pub(crate) fn write(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathB
     path
 }
 
-/// The names of everything in a folder, hidden files too.
+/// The names of all files in a folder, including hidden ones.
 pub(crate) fn folder_names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("the folder is there");
     let mut names: Vec<String> =

@@ -1,4 +1,4 @@
-//! What several themes need: running the program, samples, inline files, and an independent reading of glTF.
+//! Shared helpers: running the program, samples, inline files, and an independent glTF reader.
 
 mod damage;
 mod expect;

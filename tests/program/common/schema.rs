@@ -1,10 +1,11 @@
-//! Reports held against their JSON Schemas in `docs/schemas`. Only the keywords that stand there are known; another is a panic.
+//! Validates reports against their JSON Schemas in `docs/schemas`. Only the keywords used there are known; others
+//! panic.
 
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
-/// Panics unless a report is what its schema says.
+/// Panics unless a report conforms to its schema.
 pub(crate) fn assert_conforms(report: &Value) {
     let id = report["schema"].as_str().expect("the id of a schema");
     let name = format!("{}.json", id.replace('/', "."));
@@ -16,7 +17,7 @@ pub(crate) fn assert_conforms(report: &Value) {
     assert!(faults.is_empty(), "{id}: {faults:#?}");
 }
 
-/// What of a value at a place is not as a schema says.
+/// The violations of a schema in a value at a place.
 fn faults(defs: &Value, schema: &Value, value: &Value, at: &str) -> Vec<String> {
     let mut all = Vec::new();
     for (keyword, said) in schema.as_object().expect("a schema") {

@@ -1,5 +1,5 @@
-//! An independent reading of glTF: which triangles a file shows, and from which input triangle each was made, by the
-//! provenance it carries. It shares nothing with the program but the reading of JSON and buffers.
+//! An independent glTF reader: which triangles a file shows and, from the recorded provenance, the input triangle that
+//! each was made from. It shares only the reading of JSON and buffers with the program.
 
 use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3};
 use raykiln_formats::Document;
@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Where a triangle comes from: node, copy, mesh, primitive, triangle.
+/// The source of a triangle: node, copy, mesh, primitive, triangle.
 type Origin = [u64; 5];
 
 /// A corner in world coordinates.
@@ -24,7 +24,7 @@ struct Placed {
     corners: [Corner; 3],
 }
 
-/// Everything the default scene of a file shows, by origin.
+/// The triangles that the default scene of a file shows, by origin.
 pub(crate) struct Surface {
     triangles: BTreeMap<Origin, Placed>,
 }
@@ -35,13 +35,13 @@ pub(crate) fn json_of(path: &Path) -> Value {
 }
 
 impl Surface {
-    /// Reads a file that is no bake's output: every triangle is its own origin.
+    /// Reads a file that is not a bake's output: every triangle is its own origin.
     pub(crate) fn of_input(path: &Path) -> Surface {
         Surface::read(path, false)
     }
 
-    /// Reads a bake's output; panics where a primitive does not say where its triangles come from, or two triangles
-    /// claim the same origin.
+    /// Reads a bake's output; panics if a primitive does not record where its triangles come from, or if two triangles
+    /// record the same origin.
     pub(crate) fn of_output(path: &Path) -> Surface {
         Surface::read(path, true)
     }
@@ -78,7 +78,7 @@ impl Surface {
         }
     }
 
-    /// The area of all triangles of a material.
+    /// The total area of a material's triangles.
     pub(crate) fn area(&self, material: usize) -> f64 {
         let of = self.triangles.values().filter(|t| t.material == Some(material as u64));
         let doubled = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
@@ -109,7 +109,7 @@ impl File<'_> {
         &self.0.json[array][index as usize]
     }
 
-    /// The nodes of the default scene with their transforms into the world.
+    /// The nodes of the default scene with their transforms to world space.
     fn placed_nodes(&self) -> Vec<(u64, DAffine3)> {
         let roots = &self.json("scenes", self.0.json["scene"].as_u64().unwrap_or(0))["nodes"];
         let mut stack: Vec<(u64, DAffine3)> = numbers(roots).map(|n| (n as u64, DAffine3::IDENTITY)).collect();
@@ -122,7 +122,7 @@ impl File<'_> {
         placed
     }
 
-    /// The transforms of the copies a node places.
+    /// The transforms of the copies that a node places.
     fn copies(&self, node: u64, world: DAffine3) -> Vec<DAffine3> {
         let attributes = &self.json("nodes", node)["extensions"]["EXT_mesh_gpu_instancing"]["attributes"];
         let Some(attributes) = attributes.as_object() else { return vec![world] };
@@ -149,7 +149,7 @@ impl File<'_> {
             false => own.take(triangles.len()).collect(),
             true => self.origins(part, primitive, triangles.len()),
         };
-        assert_eq!(origins.len(), triangles.len(), "the provenance of {part:?} has another number of triangles");
+        assert_eq!(origins.len(), triangles.len(), "{part:?}: provenance and indices differ in length");
         origins.into_iter().zip(triangles).map(|(o, corners)| (o, Placed { material, corners })).collect()
     }
 
@@ -173,7 +173,7 @@ impl File<'_> {
         indices.as_chunks().0.iter().map(|&t| wound(t).map(corner)).collect()
     }
 
-    /// The origins of a primitive's triangles: those that it names, led on where its node places a copy.
+    /// The origins of a primitive's triangles: the recorded ones, mapped to the copied mesh if its node places a copy.
     fn origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
         let source = &self.json("nodes", part.node)["extras"]["raykiln"]["source"];
         let named = self.named_origins(part, primitive, triangles);
@@ -190,7 +190,7 @@ impl File<'_> {
         named.into_iter().map(lead).collect()
     }
 
-    /// The origins that `extras.raykiln` of a primitive names.
+    /// The origins recorded in `extras.raykiln` of a primitive.
     fn named_origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
         let source = &self.json("nodes", part.node)["extras"]["raykiln"]["source"];
         let (node, copy) = match source["nodes"].as_u64() {
