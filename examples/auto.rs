@@ -1,15 +1,16 @@
-//! What `--method auto` makes of scenes, as a Markdown table:
-//! `auto [--program RAYKILN] [--device DEVICE] FILE... [-- ARGUMENT...]`; what follows `--` goes to every bake.
+//! Results of `--method auto` for scenes, as a Markdown table: `auto [--program RAYKILN] [--device DEVICE] FILE... [--
+//! ARGUMENT...]`; arguments after `--` are passed to every bake.
 //!
-//! "over input" is the time of the input over that of the output, verified; "over single" is the same against one BLAS of
-//! everything, timed in the same race. Times of primary, shadow and diffuse rays are summed. Geometric means come last.
+//! "over input" is the input's time over the output's, from verification; "over single" is the speed of the chosen
+//! layout over that of a single BLAS, timed in the same race. Times of primary, shadow and diffuse rays are summed for
+//! "over input". Geometric means come last.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use serde_json::Value;
 
-/// The kinds whose times are summed.
+/// The ray kinds whose times are summed.
 const LIGHTING: [&str; 3] = ["primary", "shadow", "diffuse"];
 
 struct Arguments {
@@ -19,7 +20,7 @@ struct Arguments {
     further: Vec<String>,
 }
 
-/// What the means are taken over.
+/// The ratios to average.
 #[derive(Default)]
 struct Ratios {
     over_input: Vec<f64>,
@@ -67,7 +68,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Arguments {
     parsed
 }
 
-/// The JSON report of a bake, or what the program says against it.
+/// Returns the JSON report of a bake, or the program's error message.
 fn bake(arguments: &Arguments, input: &Path, folder: &Path) -> Result<Value, String> {
     let mut command = Command::new(&arguments.program);
     command.arg("bake").arg(input).arg("-o").arg(folder.join("out.glb"));
@@ -104,13 +105,13 @@ fn row(file: &Path, report: &Value, ratios: &mut Ratios) -> String {
     )
 }
 
-/// The input's time over the output's; 1 for an output that is the input.
+/// The input's time over the output's; 1 if the output is the input.
 fn over_input(verify: &Value) -> f64 {
     let time = |side: &str| -> f64 { LIGHTING.iter().map(|kind| 1.0 / number(&verify["kinds"][kind][side])).sum() };
     time("before_mrays_per_s") / time("after_mrays_per_s")
 }
 
-/// The measured speed of a candidate over the input's; that of the input is 1.
+/// The measured speed of a candidate over the input's; 1 for the input.
 fn candidate(method: &Value, name: &Value) -> Option<f64> {
     let mut all = method["candidates"].as_array()?.iter();
     let found = all.find(|c| c["name"] == *name)?;

@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = raykiln::bake(&input, &output, &options)?;
     println!("{output}: method {}, {:?}", report.method.chosen, report.verdict);
 
-    // The same in memory, by a method of our choice. Bytes cannot refer to other files.
+    // The same in memory, with an explicit method. Bytes cannot refer to other files.
     options.choose.method = Method::Overlap.into();
     let baked = raykiln::bake_bytes(&input, fs::read(&input)?, &options)?;
     match baked.glb {

@@ -1,9 +1,9 @@
-//! How fast each method's layout traces, against one BLAS over the whole scene, as a Markdown table:
-//! `methods [--program RAYKILN] [--device DEVICE] FILE...`.
+//! Tracing speed of each method's layout relative to one BLAS over the whole scene, as a Markdown table: `methods
+//! [--program RAYKILN] [--device DEVICE] FILE...`.
 //!
-//! Every method is a bake of its own, in which input and output are timed in turns. A method's ratio is its gain over
-//! the input divided by the gain of `single` over the input; the times of primary, shadow and diffuse rays are summed.
-//! A second table has bytes, build times and how well the hits agree.
+//! Each method is baked separately, with input and output timed in turns. A method's ratio is its gain over the input
+//! divided by the gain of `single` over the input; the times of primary, shadow and diffuse rays are summed. A second
+//! table lists bytes, build times and how well the hits agree.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -12,10 +12,10 @@ use raykiln::methods::Method;
 use raykiln::verify::rays::RayKind;
 use serde_json::Value;
 
-/// The kinds whose times are summed.
+/// The ray kinds whose times are summed.
 const LIGHTING: [&str; 3] = ["primary", "shadow", "diffuse"];
 
-/// The methods compared; the first is what the others are held against. The input stands for `keep`.
+/// The methods compared; the first is the reference. The input represents `keep`.
 fn methods() -> Vec<&'static str> {
     let others = Method::ALL.into_iter().filter(|method| !matches!(method, Method::Keep | Method::Single));
     [Method::Single].into_iter().chain(others).map(Method::name).collect()
@@ -73,7 +73,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Arguments {
     parsed
 }
 
-/// The JSON report of a bake, or what the program says against it.
+/// Returns the JSON report of a bake, or the program's error message.
 fn bake(arguments: &Arguments, input: &Path, method: &str, folder: &Path) -> Result<Value, String> {
     let mut command = Command::new(&arguments.program);
     command.arg("bake").arg(input).arg("-o").arg(folder.join("out.glb"));

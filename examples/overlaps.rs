@@ -1,4 +1,4 @@
-//! Lists the objects of scenes that overlap most, without baking them: `overlaps FILE...`.
+//! Lists the most overlapping objects of scenes, without baking them: `overlaps FILE...`.
 
 use raykiln::{ErrorKind, LoadOptions};
 

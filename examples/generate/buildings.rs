@@ -1,4 +1,4 @@
-//! Scenes as people build them: a furnished room, and a town under a sky.
+//! Realistic scenes: a furnished room, and a town under a sky.
 
 use crate::Request;
 use crate::random::Random;
@@ -10,10 +10,10 @@ use std::f64::consts::TAU;
 use std::io;
 use std::path::Path;
 
-/// The room: width, height and depth.
+/// Width, height and depth of the room.
 const ROOM: DVec3 = dvec3(24.0, 6.0, 16.0);
 
-/// An axis-aligned room with furniture at any angle, cables and railings.
+/// An axis-aligned room with furniture at arbitrary angles, cables and railings.
 pub(crate) fn mixed(out: &Path, request: &Request) -> io::Result<()> {
     let mut random = Random::new(request.seed);
     let mut writer = Writer::create(out)?;
@@ -72,7 +72,7 @@ fn leg(height: f64) -> Shape {
     tube(0.03, height, 12, 4).at(0.0, 0.5 * height, 0.0)
 }
 
-/// Adds a copy at each of four corners.
+/// Adds a copy of `part` at each of four corners.
 fn at_corners(shape: Shape, part: &Shape, x: f64, z: f64) -> Shape {
     [(x, z), (-x, z), (x, -z), (-x, -z)].iter().fold(shape, |s, &(x, z)| s.and(&part.clone().at(x, 0.0, z)))
 }
@@ -89,7 +89,7 @@ fn chair(random: &mut Random) -> Shape {
     })
 }
 
-/// Four legs, planks, and things that lie about.
+/// Four legs, planks, and objects on top.
 fn table(random: &mut Random) -> Shape {
     let (x, z, h) = (random.between(0.5, 0.9), random.between(0.35, 0.5), random.between(0.7, 0.8));
     let planks = (0..10).fold(Shape::default(), |top, i| {
@@ -119,7 +119,7 @@ fn shelf(random: &mut Random) -> Shape {
     })
 }
 
-/// A cable from wall to wall that sags and sways.
+/// A sagging and swaying cable from wall to wall.
 fn cable(random: &mut Random) -> Shape {
     let end = |random: &mut Random, side: f64| {
         dvec3(side * 0.48 * ROOM.x, random.between(3.5, 5.5), random.between(-0.45, 0.45) * ROOM.z)
@@ -146,7 +146,7 @@ fn railing(length: f64, balusters: u32) -> Shape {
 /// Half the width of the town.
 const TOWN: f64 = 100.0;
 
-/// A town of houses and trees inside a sky dome, and one object a hundred times as far away as the town is wide.
+/// A town of houses and trees inside a sky dome, and one object at a distance of a hundred times the town's width.
 pub(crate) fn enclosed(out: &Path, request: &Request) -> io::Result<()> {
     let mut random = Random::new(request.seed);
     let mut writer = Writer::create(out)?;

@@ -1,8 +1,7 @@
 //! Writes seeded test and benchmark scenes as glTF: `cargo run --release --example generate -- WHAT OUT [OPTIONS]`.
 //!
-//! Equal arguments give equal bytes. Vertices are streamed to disk, so that memory grows with the number of meshes,
-//! not with the number of triangles. Reads and writes nothing through the raykiln library, so that neither can hide
-//! a fault of the other.
+//! Equal arguments yield equal bytes. Vertices are streamed to disk, so memory grows with the number of meshes, not of
+//! triangles. The raykiln library is not used, so that neither can hide a fault of the other.
 
 mod buildings;
 mod random;
@@ -40,13 +39,13 @@ byte. A relative mtllib is still found where OUT lies beside IN.
   --degrees X,Y,Z   the angles (default 30,20,45)
 ";
 
-/// What the command line asks for.
+/// The arguments of the command line.
 pub(crate) struct Request {
     /// Seed of the random numbers.
     pub(crate) seed: u64,
-    /// Number of nodes, if not the default.
+    /// Number of nodes; `None`: the default.
     pub(crate) count: Option<usize>,
-    /// Size of an object over that of the scene, if not the default.
+    /// Size of an object over that of the scene; `None`: the default.
     pub(crate) size_ratio: Option<f64>,
 }
 

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 pub(crate) struct Random(fastrand::Rng);
 
 impl Random {
-    /// Streams of different seeds are unrelated.
+    /// Streams of different seeds are independent.
     pub(crate) fn new(seed: u64) -> Self {
         Random(fastrand::Rng::with_seed(seed))
     }
@@ -17,7 +17,7 @@ impl Random {
         low + (high - low) * self.0.f64()
     }
 
-    /// Uniform in a cube around the origin with edges of length 2 `half`.
+    /// Uniform in a cube around the origin with edges of length 2 * `half`.
     pub(crate) fn in_cube(&mut self, half: f64) -> DVec3 {
         dvec3(self.between(-half, half), self.between(-half, half), self.between(-half, half))
     }

@@ -1,5 +1,5 @@
-//! The glTF scenes of `samples/`; each shows one fault that a method mends. Sizes and places are chosen so that
-//! the counts and ratios in the `expect.toml` files follow from them by hand.
+//! The glTF scenes of `samples/`; each shows one fault that a method repairs. Sizes and places are chosen so that the
+//! counts and ratios in the `expect.toml` files can be derived by hand.
 
 use crate::shapes::{Shape, cube, cuboid, floor, octahedron, sphere};
 use crate::writer::Writer;
@@ -12,7 +12,7 @@ const RED: [f64; 3] = [0.8, 0.1, 0.1];
 const BLUE: [f64; 3] = [0.1, 0.2, 0.8];
 const GREY: [f64; 3] = [0.6, 0.6, 0.6];
 
-/// A scene of `samples/`: its file and what writes it.
+/// A scene of `samples/`: its file and the function that writes it.
 type Sample = (&'static str, fn(Writer) -> io::Result<()>);
 
 /// Writes every scene below `folder`.
@@ -50,8 +50,8 @@ fn clean(mut writer: Writer) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// Four corners of a square of 20 units, at each three cubes of 2 units, the next 0.1 above and beside the last; two
-/// of the three have one material.
+/// At each of the four corners of a square of 20 units, three cubes of 2 units, each 0.1 above and beside the previous;
+/// two of the three share a material.
 fn overlapping(mut writer: Writer) -> io::Result<()> {
     let (red, blue) = (writer.material("red", RED), writer.material("blue", BLUE));
     for (corner, (x, z)) in [(0.0, 0.0), (20.0, 0.0), (0.0, 20.0), (20.0, 20.0)].into_iter().enumerate() {
@@ -76,7 +76,7 @@ fn scattered(mut writer: Writer) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// Six nodes that share a mesh of two materials; one is mirrored, one is stretched, two stand below a turned node.
+/// Six nodes that share a mesh of two materials; one is mirrored, one is stretched, two are children of a rotated node.
 fn instanced(mut writer: Writer) -> io::Result<()> {
     let (red, grey) = (writer.material("shade", RED), writer.material("stand", GREY));
     let (shade, stand) = (sphere(0.5, 2).at(0.3, 2.5, 0.0), cuboid(dvec3(0.2, 2.5, 0.2)).at(0.0, 1.25, 0.0));
@@ -102,7 +102,7 @@ fn instanced(mut writer: Writer) -> io::Result<()> {
     writer.finish(Some((0..5).collect()))
 }
 
-/// Three overlapping static cubes, and two more below a node that an animation turns.
+/// Three overlapping static cubes, and two more below a node with an animated rotation.
 fn animated(mut writer: Writer) -> io::Result<()> {
     let grey = writer.material("grey", GREY);
     for i in 0..3 {
@@ -126,7 +126,7 @@ fn animated(mut writer: Writer) -> io::Result<()> {
     writer.finish(Some(vec![0, 1, 2, carousel]))
 }
 
-/// A row of octahedra, a unit apart, one at each of the given places along an axis.
+/// A row of octahedra, one at each of the given places along an axis.
 fn row(axis: DVec3, radius: f64, places: impl Iterator<Item = f64>) -> Shape {
     places.fold(Shape::default(), |so_far, place| {
         let center = place * axis;
@@ -134,7 +134,7 @@ fn row(axis: DVec3, radius: f64, places: impl Iterator<Item = f64>) -> Shape {
     })
 }
 
-/// Two rows of octahedra, of twelve and eight, the last four of one around the first four of the other.
+/// Two rows of twelve and eight octahedra; the last four of the first surround the first four of the second.
 fn staggered(mut writer: Writer) -> io::Result<()> {
     let (red, blue) = (writer.material("red", RED), writer.material("blue", BLUE));
     writer.object("long row", &row(DVec3::X, 0.45, (0..12).map(f64::from)), Some(red))?;
@@ -151,7 +151,7 @@ fn plus(mut writer: Writer) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// Nested nodes with names, extras, a camera, a light, and an extension nobody knows.
+/// Nested nodes with names, extras, a camera, a light, and an unknown extension.
 fn hierarchy(mut writer: Writer) -> io::Result<()> {
     let grey = writer.material("grey", GREY);
     let wall = writer.mesh("wall", &[(&cuboid(dvec3(4.0, 2.0, 0.2)), Some(grey))])?;
@@ -181,7 +181,7 @@ fn hierarchy(mut writer: Writer) -> io::Result<()> {
     writer.finish(Some(vec![0, 6]))
 }
 
-/// An opaque trunk in cards that are alpha-tested or blended.
+/// An opaque trunk among cards that are alpha-tested or blended.
 fn transparent(mut writer: Writer) -> io::Result<()> {
     let bark = writer.material("bark", GREY);
     let leaves = writer.push(
@@ -203,7 +203,7 @@ fn transparent(mut writer: Writer) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// A textured wall of two overlapping slabs; the image lies beside the file, with a space in its name.
+/// A textured wall of two overlapping slabs; the image file is beside the scene file and has a space in its name.
 fn textured(mut writer: Writer) -> io::Result<()> {
     writer.push("images", json!({"name": "bricks", "uri": "brick%20wall.png"}));
     writer.push("samplers", json!({"wrapS": 10497, "wrapT": 10497}));
@@ -216,7 +216,7 @@ fn textured(mut writer: Writer) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// Twenty-seven copies of a cube that `EXT_mesh_gpu_instancing` places, and one more of the same mesh.
+/// Twenty-seven copies of a cube placed by `EXT_mesh_gpu_instancing`, and one more instance of the same mesh.
 fn copies(mut writer: Writer) -> io::Result<()> {
     let grey = writer.material("grey", GREY);
     let mesh = writer.mesh("pebble", &[(&cube(1.0), Some(grey))])?;

@@ -1,4 +1,4 @@
-//! Large scenes to measure with.
+//! Large scenes for measurements.
 
 use crate::Request;
 use crate::random::Random;
@@ -12,13 +12,13 @@ use std::path::Path;
 /// Half the edge of the cube that the scenes fill.
 const HALF: f64 = 50.0;
 
-/// Materials of a scene, so that merging has something to keep apart.
+/// Several materials, so that merging meshes has geometries to keep separate.
 pub(crate) fn palette(writer: &mut Writer) -> Vec<usize> {
     let shade = |i: usize| [0.2 + 0.1 * i as f64, 0.5, 0.9 - 0.1 * i as f64];
     (0..8).map(|i| writer.material(&format!("paint {i}"), shade(i))).collect()
 }
 
-/// Nodes, each with a mesh of its own: an icosphere of 1,280 triangles, squashed, turned and placed at random.
+/// Nodes, each with its own mesh: an icosphere of 1,280 triangles, scaled, rotated and placed at random.
 pub(crate) fn nodes(out: &Path, request: &Request) -> io::Result<()> {
     let size = request.size_ratio.unwrap_or(0.02) * HALF;
     scattered(out, request, request.count.unwrap_or(10_000), icosphere(1.0, 3), |random| {
@@ -26,7 +26,7 @@ pub(crate) fn nodes(out: &Path, request: &Request) -> io::Result<()> {
     })
 }
 
-/// Cubes of various sizes, each a node with a mesh of its own.
+/// Cubes of various sizes, each a node with its own mesh.
 pub(crate) fn cubes(out: &Path, request: &Request) -> io::Result<()> {
     let size = request.size_ratio.unwrap_or(0.05) * HALF;
     scattered(out, request, request.count.unwrap_or(1_000), cube(2.0), |random| {
@@ -34,7 +34,7 @@ pub(crate) fn cubes(out: &Path, request: &Request) -> io::Result<()> {
     })
 }
 
-/// Scaled copies of a shape as meshes of their own, under turned and moved nodes.
+/// Scaled copies of a shape as separate meshes, under rotated and translated nodes.
 fn scattered(
     out: &Path,
     request: &Request,
@@ -56,7 +56,7 @@ fn scattered(
     writer.finish(None)
 }
 
-/// Tubes in any direction, in world coordinates, each a node with a mesh of its own.
+/// Tubes in random directions, in world coordinates, each a node with its own mesh.
 pub(crate) fn pipes(out: &Path, request: &Request) -> io::Result<()> {
     let length = 2.0 * HALF * request.size_ratio.unwrap_or(0.3);
     let mut random = Random::new(request.seed);
@@ -71,7 +71,7 @@ pub(crate) fn pipes(out: &Path, request: &Request) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// Instances of one knot; each measures about `size_ratio` of the scene.
+/// Instances of one knot, each about `size_ratio` of the scene in size.
 pub(crate) fn instances(out: &Path, request: &Request) -> io::Result<()> {
     let scale = 2.0 * HALF * request.size_ratio.unwrap_or(0.3) / 6.0;
     let mut random = Random::new(request.seed);
@@ -88,8 +88,8 @@ pub(crate) fn instances(out: &Path, request: &Request) -> io::Result<()> {
     writer.finish(None)
 }
 
-/// Strands of hair on a ball: each leaves it at right angles and hangs down, of 3 sides and 2 segments, in locks of one
-/// mesh each.
+/// Strands of hair on a ball, each perpendicular to the surface at its root and drooping, with 3 sides and 2 segments;
+/// grouped into locks of one mesh each.
 pub(crate) fn hair(out: &Path, request: &Request) -> io::Result<()> {
     const LOCKS: usize = 8;
     let mut random = Random::new(request.seed);
@@ -112,12 +112,12 @@ fn strand(random: &mut Random) -> Shape {
     sweep(random.between(0.0005, 0.001) * HALF, 3, 2, aside, |t| root + length * t * out - drop * t * t * DVec3::Y)
 }
 
-/// Instances of one knot on the points of a cubic lattice, so far apart that even the boxes of turned boxes are disjoint.
+/// Instances of one knot on a cubic lattice, with a spacing that keeps even the boxes of rotated boxes disjoint.
 pub(crate) fn lattice(out: &Path, request: &Request) -> io::Result<()> {
     let count = request.count.unwrap_or(1_000);
     let edge = (1..).find(|n: &usize| n.pow(3) >= count).expect("a cube is large enough");
     let pitch = 2.0 * HALF / edge as f64;
-    // Half the diagonal of the knot's box is below 5.1 units.
+    // Half the diagonal of the knot's box is less than 5.1 units.
     let scale = pitch / (2.0 * 5.1);
     let mut random = Random::new(request.seed);
     let mut writer = Writer::create(out)?;

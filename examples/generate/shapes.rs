@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec2, DVec3, dvec2, dvec3};
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
-/// A triangle mesh; normals and texture coordinates run parallel to positions.
+/// A triangle mesh with one normal and one texture coordinate per position.
 #[derive(Clone, Default)]
 pub(crate) struct Shape {
     pub(crate) positions: Vec<DVec3>,
@@ -21,7 +21,7 @@ impl Shape {
         self.positions.len() as u32 - 1
     }
 
-    /// Adds a flat quad, its corners counter-clockwise from the front.
+    /// Adds a flat quad; its corners are counter-clockwise seen from the front.
     fn quad(&mut self, [a, b, c, d]: [DVec3; 4]) {
         let normal = (b - a).cross(c - a).normalize();
         let first = self.vertex(a, normal, dvec2(0.0, 0.0));
@@ -31,7 +31,7 @@ impl Shape {
         self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     }
 
-    /// Adds another shape.
+    /// Appends another shape.
     pub(crate) fn and(mut self, other: &Shape) -> Self {
         let first = self.positions.len() as u32;
         self.positions.extend(&other.positions);
@@ -41,7 +41,7 @@ impl Shape {
         self
     }
 
-    /// The shape moved by a transform that keeps left hands left.
+    /// Transforms the shape; the transform must not mirror.
     pub(crate) fn placed(mut self, by: DAffine3) -> Self {
         let normals = by.matrix3.inverse().transpose();
         self.positions.iter_mut().for_each(|p| *p = by.transform_point3(*p));
@@ -49,13 +49,13 @@ impl Shape {
         self
     }
 
-    /// The shape moved.
+    /// Translates the shape.
     pub(crate) fn at(self, x: f64, y: f64, z: f64) -> Self {
         self.placed(DAffine3::from_translation(dvec3(x, y, z)))
     }
 }
 
-/// A box around the origin with the given edges: 12 triangles.
+/// A box around the origin with the given edge lengths: 12 triangles.
 pub(crate) fn cuboid(edges: DVec3) -> Shape {
     let half = 0.5 * edges;
     let mut shape = Shape::default();
@@ -102,12 +102,12 @@ pub(crate) fn octahedron(radius: f64) -> Shape {
     shape
 }
 
-/// An octahedron whose triangles are cut in four, `subdivisions` times: 8 * 4^subdivisions triangles.
+/// An octahedron whose triangles are split into four `subdivisions` times: 8 * 4^subdivisions triangles.
 pub(crate) fn sphere(radius: f64, subdivisions: u32) -> Shape {
     subdivided(octahedron(1.0), subdivisions, radius)
 }
 
-/// An icosahedron whose triangles are cut in four, `subdivisions` times: 20 * 4^subdivisions triangles.
+/// An icosahedron whose triangles are split into four `subdivisions` times: 20 * 4^subdivisions triangles.
 pub(crate) fn icosphere(radius: f64, subdivisions: u32) -> Shape {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let mut shape = Shape::default();
@@ -125,7 +125,7 @@ fn sign(bit: usize) -> f64 {
     if bit == 0 { 1.0 } else { -1.0 }
 }
 
-/// The 20 triples of neighbours among 12 unit vectors, counter-clockwise from outside.
+/// The 20 triples of neighbours among 12 unit vectors, counter-clockwise seen from outside.
 fn hull_of_icosahedron(corners: &[DVec3]) -> Vec<[u32; 3]> {
     let near = |a: usize, b: usize| corners[a].dot(corners[b]) > 0.4;
     let mut triangles = Vec::with_capacity(20);
@@ -152,7 +152,7 @@ fn subdivided(mut shape: Shape, subdivisions: u32, radius: f64) -> Shape {
     shape
 }
 
-/// The vertex in the middle of an edge, on the unit sphere.
+/// The vertex at the middle of an edge, on the unit sphere.
 fn middle(shape: &mut Shape, middles: &mut HashMap<(u32, u32), u32>, (a, b): (u32, u32)) -> u32 {
     *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
         let direction = (shape.normals[a as usize] + shape.normals[b as usize]).normalize();
@@ -164,7 +164,7 @@ fn longitude_latitude(direction: DVec3) -> DVec2 {
     dvec2(0.5 + direction.z.atan2(direction.x) / TAU, direction.y.clamp(-1.0, 1.0).acos() / PI)
 }
 
-/// An open tube along y around the origin: 2 `sides` `segments` triangles.
+/// An open tube along y around the origin: 2 * `sides` * `segments` triangles.
 pub(crate) fn tube(radius: f64, length: f64, sides: u32, segments: u32) -> Shape {
     grid(segments, sides, |along, around| {
         let normal = dvec3((TAU * around).cos(), 0.0, -(TAU * around).sin());
@@ -172,7 +172,7 @@ pub(crate) fn tube(radius: f64, length: f64, sides: u32, segments: u32) -> Shape
     })
 }
 
-/// An open tube along a curve over 0..=1: 2 `sides` `segments` triangles. The curve never runs along `aside`.
+/// An open tube along a curve over 0..=1: 2 * `sides` * `segments` triangles. No tangent may be parallel to `aside`.
 pub(crate) fn sweep(radius: f64, sides: u32, segments: u32, aside: DVec3, at: impl Fn(f64) -> DVec3) -> Shape {
     grid(segments, sides, |along, around| {
         let tangent = (at(along + 1e-4) - at(along - 1e-4)).normalize();
@@ -182,7 +182,7 @@ pub(crate) fn sweep(radius: f64, sides: u32, segments: u32, aside: DVec3, at: im
     })
 }
 
-/// A tube along the (2, 3) torus knot, which fits a cube of about 6 units: 2 `segments` `sides` triangles.
+/// A tube along the (2, 3) torus knot, which fits a cube of about 6 units: 2 * `segments` * `sides` triangles.
 pub(crate) fn knot(radius: f64, segments: u32, sides: u32) -> Shape {
     let center = |t: f64| {
         let (a, ring) = (TAU * t, 2.0 + (3.0 * TAU * t).cos());
@@ -191,7 +191,7 @@ pub(crate) fn knot(radius: f64, segments: u32, sides: u32) -> Shape {
     sweep(radius, sides, segments, DVec3::Z, center)
 }
 
-/// A rectangular grid bent by `at`, which gives position and normal from two coordinates in 0..=1.
+/// A rectangular grid deformed by `at`, which returns position and normal for two coordinates in 0..=1.
 fn grid(rows: u32, columns: u32, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Shape {
     let mut shape = Shape::default();
     for (row, column) in (0..=rows).flat_map(|r| (0..=columns).map(move |c| (r, c))) {

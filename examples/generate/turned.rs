@@ -1,11 +1,11 @@
-//! An OBJ file turned: a scene that lies along the axes is made one that does not.
+//! Rotates an OBJ file: turns an axis-aligned scene into one that is not.
 
 use glam::{DMat3, DVec3, EulerRot};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 
-/// What the scenes of the measurements are turned by.
+/// The rotation used for the measurements.
 const DEGREES: DVec3 = DVec3::new(30.0, 20.0, 45.0);
 
 /// Runs `turned IN OUT [--degrees X,Y,Z]`.
@@ -31,13 +31,13 @@ fn parse(degrees: &str) -> Result<DVec3, String> {
     }
 }
 
-/// About x, then y, then z.
+/// The rotation about x, then y, then z.
 fn rotation(degrees: DVec3) -> DMat3 {
     let [x, y, z] = degrees.to_array().map(f64::to_radians);
     DMat3::from_euler(EulerRot::ZYX, z, y, x)
 }
 
-/// Copies lines, `v` and `vn` among them turned.
+/// Copies lines, rotating `v` and `vn` lines.
 fn copy(mut from: impl BufRead, mut to: impl Write, turn: &DMat3) -> io::Result<()> {
     let mut line = Vec::new();
     for number in 1.. {
@@ -51,7 +51,7 @@ fn copy(mut from: impl BufRead, mut to: impl Write, turn: &DMat3) -> io::Result<
     to.flush()
 }
 
-/// A line with its first three numbers turned and rounded to single precision; `None` unless it is a `v` or `vn` line.
+/// A line with its first three numbers rotated and rounded to single precision; `None` unless it is a `v` or `vn` line.
 fn turned(line: &[u8], turn: &DMat3) -> Result<Option<Vec<u8>>, &'static str> {
     let mut rest = line;
     let keyword = word(&mut rest);
@@ -68,7 +68,7 @@ fn turned(line: &[u8], turn: &DMat3) -> Result<Option<Vec<u8>>, &'static str> {
     Ok(Some(turned))
 }
 
-/// Takes the next word off a line, and the space before it.
+/// Removes the next word from a line, together with the white space before it.
 fn word<'l>(line: &mut &'l [u8]) -> &'l [u8] {
     let start = line.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(line.len());
     let after = &line[start..];

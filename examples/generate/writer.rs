@@ -1,4 +1,4 @@
-//! [`Writer`]: glTF written piece by piece, vertices straight to disk.
+//! [`Writer`]: writes glTF incrementally, with vertices going straight to disk.
 
 use crate::shapes::Shape;
 use serde_json::{Map, Value, json};
@@ -12,8 +12,8 @@ const UNSIGNED_INT: u32 = 5125;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// A glTF file in the making. The bytes of its one buffer go to the `.bin` file beside it, which a `.glb` takes in
-/// at the end.
+/// A glTF file under construction. The bytes of its one buffer go to the `.bin` file beside it, which is copied into a
+/// `.glb` at the end.
 pub(crate) struct Writer {
     path: PathBuf,
     bin_path: PathBuf,
@@ -23,7 +23,7 @@ pub(crate) struct Writer {
 }
 
 impl Writer {
-    /// Begins a `.glb` or `.gltf` file.
+    /// Starts a `.glb` or `.gltf` file.
     pub(crate) fn create(path: &Path) -> io::Result<Self> {
         let bin_path = path.with_extension("bin");
         let bin = BufWriter::new(File::options().read(true).write(true).create(true).truncate(true).open(&bin_path)?);
@@ -31,7 +31,7 @@ impl Writer {
         Ok(Writer { path: path.to_owned(), bin_path, bin, bin_length: 0, root })
     }
 
-    /// Appends to one of the file's arrays and returns the index.
+    /// Appends to one of the file's arrays; returns the index.
     pub(crate) fn push(&mut self, array: &str, value: Value) -> usize {
         let array = self.root.entry(array).or_insert_with(|| json!([])).as_array_mut().expect("an array");
         array.push(value);
@@ -43,20 +43,20 @@ impl Writer {
         self.root.insert(property.to_owned(), value);
     }
 
-    /// Adds a material of a colour and returns its index.
+    /// Adds a material with a base colour; returns its index.
     pub(crate) fn material(&mut self, name: &str, [r, g, b]: [f64; 3]) -> usize {
         let colour = json!({"baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8});
         self.push("materials", json!({"name": name, "pbrMetallicRoughness": colour}))
     }
 
-    /// Adds a mesh with one primitive for each shape and returns its index.
+    /// Adds a mesh with one primitive per shape; returns its index.
     pub(crate) fn mesh(&mut self, name: &str, parts: &[(&Shape, Option<usize>)]) -> io::Result<usize> {
         let primitives = parts.iter().map(|(shape, material)| self.primitive(shape, *material));
         let primitives = primitives.collect::<io::Result<Vec<Value>>>()?;
         Ok(self.push("meshes", json!({"name": name, "primitives": primitives})))
     }
 
-    /// Adds a root node that places a mesh as it is, and the mesh.
+    /// Adds a mesh and a root node that places it without a transform; returns the node's index.
     pub(crate) fn object(&mut self, name: &str, shape: &Shape, material: Option<usize>) -> io::Result<usize> {
         let mesh = self.mesh(name, &[(shape, material)])?;
         Ok(self.push("nodes", json!({"name": name, "mesh": mesh})))
@@ -81,7 +81,7 @@ impl Writer {
         Ok(primitive)
     }
 
-    /// Adds an accessor of floats, `components` to an element, and returns its index.
+    /// Adds an accessor of floats with `components` per element; returns its index.
     pub(crate) fn floats(
         &mut self,
         values: impl IntoIterator<Item = f32>,
@@ -93,7 +93,7 @@ impl Writer {
         self.accessor(&bytes, bytes.len() / (4 * components), (FLOAT, kind), target)
     }
 
-    /// Sets the bounds of a SCALAR accessor, which the input of an animation sampler needs.
+    /// Sets the bounds of a SCALAR accessor; the input of an animation sampler needs them.
     pub(crate) fn bound(&mut self, accessor: usize, min: f64, max: f64) {
         self.root["accessors"][accessor]["min"] = json!([min]);
         self.root["accessors"][accessor]["max"] = json!([max]);
@@ -130,7 +130,7 @@ impl Writer {
         Ok(self.push("accessors", accessor))
     }
 
-    /// Completes the file. The default scene shows `roots`, or all nodes.
+    /// Completes the file. The default scene shows `roots`, by default all nodes.
     pub(crate) fn finish(mut self, roots: Option<Vec<usize>>) -> io::Result<()> {
         let nodes = self.root.get("nodes").and_then(Value::as_array).map_or(0, Vec::len);
         let roots = roots.unwrap_or_else(|| (0..nodes).collect());
