@@ -1,6 +1,6 @@
-//! Seconds by stage and peak memory of whole bakes, for scenes too large for a statistical benchmark:
-//! `cargo bench --bench bake -- [--method NAME]... FILE...`. Every bake runs in a process of its own. The scenes of
-//! the project's own measurements:
+//! Seconds per stage and peak memory of whole bakes, for scenes too large for a statistical benchmark: `cargo bench
+//! --bench bake -- [--method NAME]... FILE...`. Each bake runs in a separate process. The scenes of the project's own
+//! measurements:
 //!
 //! ```text
 //! cargo run --release --example generate -- nodes target/nodes.glb     12.8 million triangles in 10,000 nodes
@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     status
 }
 
-/// The methods asked for, or all, and the files. Cargo adds an argument `--bench` of its own.
+/// The requested methods, by default all, and the files. Cargo adds an argument `--bench`.
 fn parse(arguments: impl Iterator<Item = String>) -> (Vec<String>, Vec<String>) {
     let (mut methods, mut files) = (Vec::new(), Vec::new());
     let mut arguments = arguments.filter(|a| a != "--bench");
@@ -56,7 +56,7 @@ fn parse(arguments: impl Iterator<Item = String>) -> (Vec<String>, Vec<String>) 
     (methods, files)
 }
 
-/// The JSON report of a bake into `folder`, or what the program says against it.
+/// Returns the JSON report of a bake into `folder`, or the program's error message.
 fn bake(input: &Path, method: &str, folder: &Path) -> Result<Value, String> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_raykiln"));
     command.arg("bake").arg(input).arg("-o").arg(folder.join("out.glb"));

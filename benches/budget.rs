@@ -1,10 +1,11 @@
-//! What a bake takes against its scene, as a Markdown table: `cargo bench --bench budget -- [--threads N] FILE...`.
+//! Time and memory of a bake relative to its scene, as a Markdown table: `cargo bench --bench budget -- [--threads N]
+//! FILE...`.
 //!
-//! "trees" is the time of `auto --effort 2` without a device over that of one tree over the same triangles, placed, as
-//! `obvhs` builds it at medium quality in one thread; the least of some runs, in turns. "CPU trees" is the same of the time
-//! that all threads of the bake computed (Linux; `-` elsewhere). "memory" is the largest resident set of the bake over the
-//! bytes of the geometry: all vertex attributes and indices of the input as glTF, without images. "tree memory" is the same
-//! of a process that reads the file and builds that one tree.
+//! "trees" is the time of `auto --effort 2` without a device over the time of one tree over the same placed triangles,
+//! which `obvhs` builds at medium quality in one thread; both are the minimum of several runs, in turns. "CPU trees" is
+//! the same ratio for the CPU time of all threads of the bake (Linux; `-` elsewhere). "memory" is the peak resident set
+//! size of the bake over the bytes of the geometry: all vertex attributes and indices of the input as glTF, without
+//! images. "tree memory" is the same ratio for a process that reads the file and builds that one tree.
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -17,7 +18,7 @@ use obvhs::{Boundable, BvhBuildParams};
 use raykiln::scene::{self, Bounds, LoadOptions, Scene, TriangleRef};
 use serde_json::Value;
 
-/// Bakes and trees, in turns.
+/// Number of bakes and of trees, in turns.
 const RUNS: usize = 3;
 
 fn main() -> ExitCode {
@@ -46,10 +47,10 @@ fn main() -> ExitCode {
     status
 }
 
-/// What a process of this program is told that builds a tree and nothing else.
+/// Argument that makes this program only build a tree.
 const TREE_ONLY: &str = "--only-a-tree";
 
-/// Builds the tree of a file and prints the KiB of the largest resident set, where the system tells (proc(5)).
+/// Builds the tree of a file and prints the peak resident set size in KiB, if the system reports it (proc(5)).
 fn only_a_tree(file: &Path) -> ExitCode {
     match geometry(file) {
         Ok((boxes, _)) => {
@@ -66,8 +67,8 @@ fn only_a_tree(file: &Path) -> ExitCode {
     }
 }
 
-/// The largest resident set of reading a file and building its tree, in a process that gives back what it frees as the
-/// program does.
+/// The peak resident set size for reading a file and building its tree, in bytes, in a process that returns freed
+/// memory to the system as the program does.
 fn tree_bytes(file: &Path) -> Result<f64, String> {
     let mut command = Command::new(std::env::current_exe().map_err(|e| e.to_string())?);
     let output = command.arg(TREE_ONLY).arg(file).env("MALLOC_MMAP_THRESHOLD_", "1048576").output();
@@ -75,7 +76,7 @@ fn tree_bytes(file: &Path) -> Result<f64, String> {
     Ok(printed.trim().parse().map_or(f64::NAN, |kilobytes: f64| 1024.0 * kilobytes))
 }
 
-/// The number of threads, two where none is asked for, and the files. Cargo adds an argument `--bench` of its own.
+/// The number of threads, two by default, and the files. Cargo adds an argument `--bench`.
 fn parse(arguments: impl Iterator<Item = String>) -> (String, Vec<String>) {
     let (mut threads, mut files) = ("2".to_owned(), Vec::new());
     let mut arguments = arguments.filter(|a| a != "--bench");
@@ -111,7 +112,7 @@ fn row(file: &Path, threads: &str) -> Result<String, String> {
     ))
 }
 
-/// A box as the builder takes it.
+/// A box in the form that the builder expects.
 struct Boxed(Aabb);
 
 impl Boundable for Boxed {
@@ -120,7 +121,7 @@ impl Boundable for Boxed {
     }
 }
 
-/// The boxes of all placed triangles in the unit cube, and the bytes of the geometry as stored.
+/// The boxes of all placed triangles, scaled to the unit cube, and the bytes of the geometry as stored.
 fn geometry(file: &Path) -> Result<(Vec<Boxed>, f64), String> {
     let doc = raykiln_formats::read(file).map_err(|e| e.to_string())?;
     let (scene, _) = scene::load(&doc, &LoadOptions::default()).map_err(|e| e.to_string())?;
@@ -174,14 +175,14 @@ fn tree_seconds(boxes: &[Boxed]) -> f64 {
     start.elapsed().as_secs_f64()
 }
 
-/// What a bake took.
+/// The resources used by a bake.
 struct Taken {
     seconds: f64,
     cpu_seconds: Option<f64>,
     peak_bytes: f64,
 }
 
-/// Bakes in a process of its own.
+/// Bakes in a separate process.
 fn bake_once(input: &Path, threads: &str) -> Result<Taken, String> {
     let folder = tempfile::TempDir::new().map_err(|e| e.to_string())?;
     let mut command = Command::new(env!("CARGO_BIN_EXE_raykiln"));
@@ -200,8 +201,8 @@ fn bake_once(input: &Path, threads: &str) -> Result<Taken, String> {
     })
 }
 
-/// Seconds that children of this process have computed, all threads together, where the system tells (proc(5): the 16th
-/// and 17th number of `stat`, in hundredths).
+/// CPU seconds of this process's children, over all threads, if the system reports them (proc(5): numbers 16 and 17 of
+/// `stat`, in hundredths of a second).
 fn children_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     let after_name = stat.rsplit_once(')')?.1;

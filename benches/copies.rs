@@ -1,6 +1,6 @@
-//! Seconds to find copies among very many small meshes: `cargo bench --bench copies -- [MESHES]`, 100,000 by default.
-//! The noisy cubes, which are nobody's copies, are the worst case: their lengths differ by little more than the error
-//! bars of a mesh far from the origin, so that very many are compared.
+//! Seconds to find copies among very many small meshes: `cargo bench --bench copies -- [MESHES]`, by default 100,000.
+//! The noisy cubes, none of which are copies, are the worst case: their lengths differ by little more than the error
+//! bounds of a mesh far from the origin, so very many are compared.
 
 use fastrand::Rng;
 use glam::{DAffine3, DQuat, DVec3, dvec3};
@@ -11,14 +11,14 @@ use raykiln_formats::document::Kind;
 use serde_json::json;
 use std::time::Instant;
 
-/// What is done to each cube.
+/// How the cubes of a class are modified.
 #[derive(Clone, Copy)]
 struct Class {
     name: &'static str,
     turned: bool,
     shuffled: bool,
     noise: f64,
-    /// Copies expected among so many meshes.
+    /// Number of copies expected among this many meshes.
     copies: fn(usize) -> usize,
 }
 
@@ -70,7 +70,7 @@ fn motion(random: &mut Rng) -> DAffine3 {
     DAffine3::from_scale_rotation_translation(DVec3::splat(0.5 + random.f64()), turn.normalize(), place)
 }
 
-/// A document of `count` cubes, each in place.
+/// A document of `count` cubes, each with a node without a transform.
 fn document(class: &Class, count: usize) -> Document {
     let mut random = Rng::with_seed(1);
     let (mut bytes, mut accessors, mut views, mut meshes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());

@@ -1,4 +1,4 @@
-//! How long metrics take.
+//! Benchmarks of the metrics.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DAffine3, DVec3, Vec3, dvec3};
@@ -6,7 +6,7 @@ use raykiln::cost::{measure, overlap};
 use raykiln::layout::{Content, Group, Layout, Placement};
 use raykiln::scene::{Bounds, Geometry, Instance, InstanceId, Mesh, MeshId, Scene};
 
-/// A repeatable number from 0 to 1 for each index.
+/// A reproducible pseudo-random number from 0 to 1 for each index.
 fn noise(index: u32) -> f64 {
     let mixed = (index ^ (index >> 16)).wrapping_mul(0x045d_9f3b);
     let mixed = (mixed ^ (mixed >> 16)).wrapping_mul(0x045d_9f3b);
@@ -41,7 +41,7 @@ fn sheet(n: u32) -> Mesh {
     Mesh { geometries: vec![geometry], ..Mesh::default() }
 }
 
-/// Turned and moved copies of `meshes` sheets of `2 * n * n` triangles, kept as they are.
+/// Rotated and translated instances of `meshes` sheets of `2 * n * n` triangles, in the layout of the input.
 fn sheets(meshes: u32, n: u32, instances: u32) -> (Scene, Layout) {
     let turned = |i: u32| DAffine3::from_rotation_z(6.0 * noise(i)) * DAffine3::from_rotation_x(6.0 * noise(i + 1));
     let instance = |i: u32| Instance {
