@@ -1,4 +1,5 @@
-//! What the fuzz targets do with bytes: read them and look at all that was read. Any error is right, a panic is not.
+//! Entry points of the fuzz targets: read bytes and examine everything that was read. Errors are expected, panics are
+//! not.
 //!
 //! `formats/tests/fuzz_corpus.rs` includes this file and replays the corpus.
 
@@ -6,22 +7,22 @@ use std::fs;
 
 use raykiln_formats::{Document, Error, ReadOptions, read, read_bytes};
 
-/// A GLB file.
+/// Reads a GLB file.
 pub fn glb(bytes: &[u8]) {
     examine(read_bytes("scene.glb", bytes.to_vec()));
 }
 
-/// A glTF file, its buffers in data URIs.
+/// Reads a glTF file with its buffers in data URIs.
 pub fn gltf(bytes: &[u8]) {
     examine(read_bytes("scene.gltf", bytes.to_vec()));
 }
 
-/// An OBJ file.
+/// Reads an OBJ file.
 pub fn obj(bytes: &[u8]) {
     examine(read_bytes("scene.obj", bytes.to_vec()));
 }
 
-/// An MTL file, of a fixed OBJ file that uses the materials `a` and `b`.
+/// Reads an MTL file through a fixed OBJ file that uses the materials `a` and `b`.
 pub fn mtl(bytes: &[u8]) {
     const OBJ: &str = "mtllib scene.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n";
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -30,7 +31,7 @@ pub fn mtl(bytes: &[u8]) {
     examine(read(&folder.path().join("scene.obj")));
 }
 
-/// Looks at all of a document that a scene is made from.
+/// Examines everything in a document that a scene is made from.
 fn examine(document: Result<Document, Error>) {
     let Ok(document) = document else { return };
     let _ = document.contents(ReadOptions::default().with_strict(true));
