@@ -1,10 +1,10 @@
-//! Trees by clustering and reinsertion, on all threads.
+//! Multithreaded tree construction by clustering and reinsertion.
 //!
-//! As `obvhs::bvh2::builder::build_bvh2` puts its parts together (D. Meister, J. Bittner, "Parallel Locally-Ordered
-//! Clustering for Bounding Volume Hierarchy Construction", IEEE TVCG 24(3), 2018; "Parallel Reinsertion for Bounding Volume
-//! Hierarchy Optimization", Computer Graphics Forum 37(2), 2018), but for two things: very many boxes are clustered in
-//! parts, and reinsertions are looked for in parallel and take effect in a fixed order, so that equal input gives an equal
-//! tree for any number of threads.
+//! Combines the parts of obvhs as `obvhs::bvh2::builder::build_bvh2` does (D. Meister, J. Bittner, "Parallel
+//! Locally-Ordered Clustering for Bounding Volume Hierarchy Construction", IEEE TVCG 24(3), 2018; "Parallel Reinsertion
+//! for Bounding Volume Hierarchy Optimization", Computer Graphics Forum 37(2), 2018), with two differences: very large
+//! inputs are clustered in parts, and reinsertions are searched in parallel but applied in a fixed order, so that equal
+//! input gives an equal tree for any number of threads.
 
 use std::time::Duration;
 
@@ -22,18 +22,18 @@ use super::Boxed;
 use super::divide::divide;
 use crate::scene::Bounds;
 
-/// Fewer boxes than this are built in one thread.
+/// Fewer boxes than this are built on one thread.
 const FEW: usize = 1 << 14;
 
-/// More boxes than this are clustered in parts, each of which takes about 150 bytes a box for a time. Of scenes of 200,000
-/// to 1,000,000 triangles, trees cost then up to 1.3 % more or less than clustered whole, and with quarters of that up to
-/// 7 % more.
+/// More boxes than this are clustered in parts, each of which temporarily takes about 150 bytes per box. For scenes of
+/// 200,000 to 1,000,000 triangles, tree cost then differs from clustering as a whole by up to 1.3 % in either
+/// direction; with parts a quarter of this size, it is up to 7 % higher.
 const PART: usize = 1 << 17;
 
-/// Candidates that a thread looks at in one go.
+/// Minimum number of candidates per parallel task.
 const AT_ONCE: usize = 64;
 
-/// The tree over `count` boxes within the unit cube; box `i` is `boxed(i)`, computed several times.
+/// Builds the tree over `count` boxes within the unit cube; box `i` is `boxed(i)`, which is computed several times.
 pub(super) fn build(count: usize, boxed: &(impl Fn(u32) -> Boxed + Sync), params: &BvhBuildParams) -> Bvh2 {
     match count < FEW {
         true => build_bvh2(&(0..count as u32).map(boxed).collect::<Vec<_>>(), *params, &mut Duration::default()),
@@ -50,7 +50,8 @@ fn in_parts(count: usize, boxed: &(impl Fn(u32) -> Boxed + Sync), params: &BvhBu
     bvh
 }
 
-/// The trees by clustering alone, one box in each leaf, of parts of at most `largest` boxes, and the tree over them.
+/// Clusters parts of at most `largest` boxes into trees with one box per leaf, without reinsertion, and builds the tree
+/// over the parts.
 fn clustered(
     count: usize,
     boxed: &(impl Fn(u32) -> Boxed + Sync),
@@ -80,15 +81,15 @@ fn cluster(boxes: &[Boxed], params: &BvhBuildParams) -> Bvh2 {
     PlocBuilder::with_capacity(boxes.len()).build(distance, boxes, items, params.sort_precision, threshold)
 }
 
-/// The tree over some of the boxes.
+/// A tree over some of the boxes.
 struct Part {
     bvh: Bvh2,
-    /// The boxes, in the order in which the tree counts them.
+    /// The boxes, in the order in which the tree numbers them.
     items: Vec<u32>,
 }
 
-/// One tree of the trees of parts and the tree over these. Pairs of siblings from near the roots come first, whatever part
-/// they are of: reinsertion begins there.
+/// Merges the trees of parts and the tree over them into one. Pairs of siblings near the roots come first for all
+/// parts, because reinsertion starts there.
 fn joined(top: Bvh2, parts: Vec<Part>) -> Bvh2 {
     let pairs: Vec<usize> = parts.iter().map(|part| part.bvh.nodes.len() / 2).collect();
     let first_pair = top.nodes.len();
@@ -118,18 +119,19 @@ fn joined(top: Bvh2, parts: Vec<Part>) -> Bvh2 {
     Bvh2 { nodes, primitive_indices, max_depth, ..Bvh2::default() }
 }
 
-/// When a pair of a part has its turn, where all parts, of so many pairs each, have theirs evenly: pairs come in the order
-/// of their place over the number of pairs of their part, those of earlier parts first where these are equal.
+/// Returns the position of a pair of a part when the pairs of all parts are interleaved evenly; `pairs` holds the
+/// number of pairs per part. Pairs are ordered by their index divided by the number of pairs of their part, ties by
+/// part.
 fn turn(pairs: &[usize], part: usize, pair: usize) -> usize {
     let before = |(p, &count): (usize, &usize)| match p < part {
-        // As many as have place / count at most, or below, pair / pairs[part].
+        // Counts pairs with index / count <= pair / pairs[part]; below, with a strict comparison.
         true => (pair * count / pairs[part] + 1).min(count),
         false => (pair * count).div_ceil(pairs[part]),
     };
     pairs.iter().enumerate().map(before).sum()
 }
 
-/// Nodes on the longest way down, where children come after their parents.
+/// Returns the number of nodes on the longest path from the root; children must come after their parents.
 fn depth(nodes: &[Bvh2Node]) -> usize {
     let mut depths = vec![1u32; nodes.len()];
     for (at, node) in nodes.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
@@ -139,7 +141,7 @@ fn depth(nodes: &[Bvh2Node]) -> usize {
     depths.into_iter().max().unwrap_or(0) as usize
 }
 
-/// Takes nodes out and puts them in where they add less to the areas above them: first many, then ever fewer near the root.
+/// Moves nodes to where they increase the areas of their ancestors less: first many, then ever fewer near the root.
 fn reinsert(bvh: &mut Bvh2, batch_ratio: f32) {
     if batch_ratio <= 0.0 || bvh.nodes.first().is_none_or(Bvh2Node::is_leaf) {
         return;
@@ -163,7 +165,7 @@ fn reinsert(bvh: &mut Bvh2, batch_ratio: f32) {
     }
 }
 
-/// What is worth reinserting among the largest nodes, that which gains most first.
+/// Returns the worthwhile reinsertions among the largest nodes, best first.
 fn reinsertions(bvh: &Bvh2, batch: usize) -> Vec<Reinsertion> {
     let area = |node: u32| bvh.nodes[node as usize].aabb().half_area();
     let last = (2 * (batch + 1)).min(bvh.nodes.len()) as u32;

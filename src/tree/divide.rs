@@ -1,8 +1,8 @@
-//! Very many boxes, divided from the top down into parts of a size that is handled in one go.
+//! Top-down division of very many boxes into parts small enough to process at once.
 //!
 //! I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE Symposium on Interactive Ray Tracing
-//! 2007: a node is split between two of a few bins of centroids, where the two halves cost least. Parts are then handled
-//! side by side, and no more memory is needed at a time than a few of them take.
+//! 2007: a node is split at the boundary of a few centroid bins where the cost of the two sides is least. Parts are
+//! then processed in parallel; peak memory is that of a few parts.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -14,14 +14,15 @@ use crate::scene::Bounds;
 /// Bins along each axis.
 const BINS: usize = 32;
 
-/// Items that are looked at in one piece.
+/// Items per parallel task.
 const CHUNK: usize = 1 << 13;
 
-/// Parts below this depth are halved, so that no tree is much deeper than this and the logarithm of its items.
+/// Parts below this depth are halved, which limits the depth of any tree to about this plus the logarithm of the number
+/// of items.
 const DEEP: u32 = 32;
 
-/// Divides items, whose boxes are finite and not empty, into parts of at most `largest`, side by side; makes something of
-/// each part with `leaf`, and one of what became of two neighbours with `join`.
+/// Divides items with finite, non-empty boxes into parts of at most `largest`, in parallel; applies `leaf` to each part
+/// and `join` to the results of two neighbouring parts.
 pub(super) fn divide<T: Send>(
     members: Vec<u32>,
     largest: usize,
@@ -32,7 +33,7 @@ pub(super) fn divide<T: Send>(
     below(members, 0, &Division { largest, bounds, leaf, join })
 }
 
-/// How items are divided.
+/// How to divide items.
 struct Division<'a, B, L, J> {
     largest: usize,
     bounds: &'a B,
@@ -55,7 +56,7 @@ where
     (by.join)(left, right)
 }
 
-/// Divides members in two, each side in the order of the members.
+/// Divides members in two; each side keeps the order of the members.
 fn in_two(members: Vec<u32>, depth: u32, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<u32>) {
     let around = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| bounds(i).center()));
     let centers = members.par_chunks(CHUNK).map(around).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
@@ -71,7 +72,7 @@ fn in_two(members: Vec<u32>, depth: u32, bounds: &(impl Fn(u32) -> Bounds + Sync
     (side(true), side(false))
 }
 
-/// Halves members along the longest axis of their centres, whatever the halves cost.
+/// Halves members along the longest axis of their centres, regardless of cost.
 fn halves(members: Vec<u32>, centers: &Bounds, bounds: &impl Fn(u32) -> Bounds) -> (Vec<u32>, Vec<u32>) {
     let axis = centers.size().max_position();
     let along = |i: u32| bounds(i).center()[axis];
@@ -84,7 +85,7 @@ fn halves(members: Vec<u32>, centers: &Bounds, bounds: &impl Fn(u32) -> Bounds) 
     (left, right)
 }
 
-/// How centres fall into bins.
+/// Maps centres to bins.
 struct Grid {
     min: DVec3,
     bins_per_unit: DVec3,
@@ -104,7 +105,7 @@ impl Grid {
     }
 }
 
-/// What fell into the bins of every axis.
+/// Contents of the bins along each axis.
 struct Bins([[Bin; BINS]; 3]);
 
 #[derive(Clone, Copy)]
@@ -121,7 +122,7 @@ impl Bin {
         self.count += other.count;
     }
 
-    /// Area times items.
+    /// Area times number of items.
     fn cost(&self) -> f64 {
         self.bounds.area() * f64::from(self.count)
     }
@@ -144,14 +145,14 @@ impl Bins {
         self
     }
 
-    /// The split of least cost; `None` where all centres are one.
+    /// Returns the split of least cost; `None` if all centres coincide.
     fn best(&self) -> Option<Split> {
         let splits = (0..3).flat_map(|axis| (1..BINS).map(move |at| (axis, at)));
         let priced = splits.filter_map(|(axis, at)| Some((self.price(axis, at)?, Split { axis, at })));
         priced.reduce(|a, b| if b.0 < a.0 { b } else { a }).map(|(_, split)| split)
     }
 
-    /// What the two sides of a split cost; `None` where one is empty.
+    /// Returns the cost of both sides of a split; `None` if one side is empty.
     fn price(&self, axis: usize, at: usize) -> Option<f64> {
         let side = |bins: &[Bin]| {
             let mut all = Bin::EMPTY;
@@ -164,21 +165,21 @@ impl Bins {
     }
 }
 
-/// Bins from `at` on go right.
+/// A split: bins from `at` on go right.
 struct Split {
     axis: usize,
     at: usize,
 }
 
-/// A node above two trees that are not empty.
+/// Joins two non-empty trees below a new root.
 pub(super) fn joined(left: Tree, right: Tree) -> Tree {
     let (of_left, items) = (left.nodes.len() as u32, left.order.len() as u32);
     let moved = |node: &Node, inner: u32, leaf: u32| match node.is_leaf() {
         true => Node { first: node.first + leaf, ..*node },
         false => Node { first: node.first + inner, ..*node },
     };
-    // The roots come next to each other: what is below the left one moves by two, below the right one by all of the left
-    // and one.
+    // The two roots are adjacent: nodes below the left root move by two, those below the right root by the size of the
+    // left tree plus one.
     let mut nodes = Vec::with_capacity(1 + left.nodes.len() + right.nodes.len());
     nodes.push(Node { first: 1, count: 0 });
     nodes.push(moved(&left.nodes[0], 2, 0));

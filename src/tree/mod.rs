@@ -1,8 +1,9 @@
 //! Binary trees over boxes.
 //!
-//! D. Meister, J. Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction", IEEE
-//! TVCG 24(3), 2018, with D. Meister, J. Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy Optimization",
-//! Computer Graphics Forum 37(2), 2018, as the crate `obvhs` builds them. Equal input gives an equal tree. The tree holds no boxes: [`Tree::refit`] computes them in whatever frame and precision is wanted.
+//! D. Meister, J. Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction", IEEE TVCG
+//! 24(3), 2018, with D. Meister, J. Bittner, "Parallel Reinsertion for Bounding Volume Hierarchy Optimization",
+//! Computer Graphics Forum 37(2), 2018, as implemented by the crate `obvhs`. Equal input gives an equal tree. Trees do
+//! not store boxes: [`Tree::refit`] computes them in the coordinates and precision needed.
 
 mod clustering;
 mod divide;
@@ -18,19 +19,19 @@ use self::divide::{divide, joined};
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::Bounds;
 
-/// How much time to spend on a tree.
+/// How much time to spend on building a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// For an order of triangles.
+    /// To order triangles.
     Fast,
-    /// For a cost, and for tracing.
+    /// To compute a cost, or to trace.
     Medium,
-    /// For a cost, with one item in each leaf, as a TLAS holds instances.
+    /// To compute a cost with one item per leaf, like instances in a TLAS.
     Instances,
 }
 
 impl Quality {
-    /// How the tree is clustered, optimised, and collapsed into leaves.
+    /// Parameters for clustering, optimisation and collapsing into leaves.
     fn params(self) -> BvhBuildParams {
         match self {
             Quality::Fast => BvhBuildParams::very_fast_build(),
@@ -39,7 +40,7 @@ impl Quality {
         }
     }
 
-    /// Items of a leaf among boxes that cannot be told apart.
+    /// Items per leaf when boxes are indistinguishable.
     fn equal_leaf(self) -> usize {
         match self {
             Quality::Fast | Quality::Medium => 4,
@@ -51,10 +52,10 @@ impl Quality {
 /// A node of a [`Tree`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
-    /// Inner node: its children are `nodes[first]` and `nodes[first + 1]`. Leaf: its items are
+    /// For an inner node, its children are `nodes[first]` and `nodes[first + 1]`; for a leaf, its items are
     /// `order[first..first + count]`.
     pub first: u32,
-    /// Items of a leaf; 0 for an inner node.
+    /// Number of items in a leaf; 0 for an inner node.
     pub count: u32,
 }
 
@@ -64,14 +65,14 @@ impl Node {
         self.count > 0
     }
 
-    /// The items of a leaf, as a range of [`Tree::order`]; empty for an inner node.
+    /// Returns the items of a leaf, as a range of [`Tree::order`]; empty for an inner node.
     pub fn items(&self) -> std::ops::Range<usize> {
         if self.is_leaf() { self.first as usize..(self.first + self.count) as usize } else { 0..0 }
     }
 }
 
-/// A binary tree over numbered items. Children come after their parent; leaves, met depth first and left before
-/// right, hold consecutive ranges of `order`. No nodes where there are no items.
+/// A binary tree over numbered items. Children come after their parent; leaves, in depth-first order with left before
+/// right, hold consecutive ranges of `order`. Without items there are no nodes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tree {
     /// The nodes; the root is the first.
@@ -80,7 +81,7 @@ pub struct Tree {
     pub order: Vec<u32>,
 }
 
-/// A box as the builder takes it.
+/// A box as passed to the builder.
 #[derive(Clone, Copy)]
 pub(super) struct Boxed(pub(super) Aabb);
 
@@ -93,21 +94,21 @@ impl Boundable for Boxed {
 impl Tree {
     /// Builds a tree over finite, non-empty boxes; item `i` is `boxes[i]`.
     ///
-    /// Departs from the papers where many boxes share one Morton cell (equal triangles, or a far outlier that
-    /// squeezes the rest of the scene into a few cells): clustering such boxes takes quadratic time, so that they
-    /// enter the tree as one item and become a tree of their own, scaled to their own extent. Very many boxes are divided
-    /// into parts from the top down (`divide`), which takes less memory and all threads.
+    /// Departs from the papers when many boxes share one Morton cell (equal triangles, or a far outlier that squeezes
+    /// the rest of the scene into a few cells): clustering such boxes takes quadratic time, so they enter the tree as
+    /// one item and get a tree of their own, scaled to their own extent. Very many boxes are first divided into parts
+    /// from the top down (`divide`), which takes less memory and uses all threads.
     pub fn build(boxes: &[Bounds], quality: Quality) -> Tree {
         build_members((0..boxes.len() as u32).collect(), quality, &|i| boxes[i as usize])
     }
 
-    /// Builds a tree over those boxes that are not empty and small enough for areas to be finite; item `i` is
-    /// `boxes[i]`, and `order` lacks the others.
+    /// Builds a tree over the boxes that are not empty and small enough for their areas to be finite; item `i` is
+    /// `boxes[i]`, and `order` omits the others.
     pub fn build_usable(boxes: &[Bounds], quality: Quality) -> Tree {
         Tree::build_from(boxes.len(), quality, &|i| boxes[i as usize])
     }
 
-    /// As [`Tree::build_usable`], of boxes that are computed, several times each, when they are needed.
+    /// Like [`Tree::build_usable`], but computes boxes on demand, each of them several times.
     pub fn build_from(count: usize, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
         let usable = |b: Bounds| !b.is_empty() && b.min.abs().max(b.max.abs()).max_element() < LARGEST;
         let members =
@@ -115,7 +116,7 @@ impl Tree {
         build_members(members, quality, bounds)
     }
 
-    /// The items below a node, as a range of [`Tree::order`].
+    /// Returns the items below a node, as a range of [`Tree::order`].
     pub fn items_below(&self, node: u32) -> std::ops::Range<usize> {
         let (mut first, mut last) = (node as usize, node as usize);
         while !self.nodes[first].is_leaf() {
@@ -127,14 +128,14 @@ impl Tree {
         self.nodes[first].items().start..self.nodes[last].items().end
     }
 
-    /// The box around the items below every node, given the boxes of all items; parallel to `nodes`.
+    /// Returns the box around the items below each node, given the boxes of all items; parallel to `nodes`.
     pub fn bounds(&self, boxes: &[Bounds]) -> Vec<Bounds> {
         let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &i| all.union(&boxes[i as usize]));
         self.refit(around, Bounds::union)
     }
 
-    /// Computes a value for every node from the bottom up, such as its box: `leaf` from the items of a leaf (in
-    /// tree order), `join` from the values of two children. The result runs parallel to `nodes`.
+    /// Computes a value for each node from the bottom up, such as its box: `leaf` from the items of a leaf (in tree
+    /// order), `join` from the values of two children. The result is parallel to `nodes`.
     pub fn refit<T: Clone>(&self, mut leaf: impl FnMut(&[u32]) -> T, mut join: impl FnMut(&T, &T) -> T) -> Vec<T> {
         let mut reversed: Vec<T> = Vec::with_capacity(self.nodes.len());
         let last = self.nodes.len().wrapping_sub(1);
@@ -159,35 +160,35 @@ impl Tree {
         child
     }
 
-    /// Makes a node the leaf of the items that come next in tree order.
+    /// Turns a node into a leaf that holds the next items in tree order.
     pub(super) fn fill(&mut self, at: usize, items: Vec<u32>) {
         self.nodes[at] = Node { first: self.order.len() as u32, count: items.len() as u32 };
         self.order.extend(items);
     }
 
-    /// The largest number of nodes on a way from the root to a leaf; 0 for an empty tree.
+    /// Returns the largest number of nodes on a path from the root to a leaf; 0 for an empty tree.
     pub fn depth(&self) -> usize {
         self.refit(|_| 1, |a: &usize, b| 1 + a.max(b)).first().copied().unwrap_or(0)
     }
 }
 
-/// More boxes than this in one Morton cell are clustered apart.
+/// More boxes than this in one Morton cell are clustered separately.
 const CROWD: usize = 64;
-/// More boxes than this are built in parts: the builder takes about 130 bytes a box.
+/// More boxes than this are built in parts, because the builder takes about 130 bytes per box.
 const PART: usize = 1 << 20;
-/// Boxes that a thread looks at in one go.
+/// Boxes per parallel task.
 const CHUNK: usize = 1 << 12;
 /// Coordinates below this have finite products.
 const LARGEST: f64 = 1e150;
 
-/// What a tree is clustered over: boxes, and after them trees of many boxes.
+/// The items to cluster: single boxes, followed by trees over crowds of boxes.
 struct Items {
     ones: Vec<u32>,
     crowds: Vec<Tree>,
     crowd_bounds: Vec<Bounds>,
 }
 
-/// A part of a tree still to be written out.
+/// A part of a tree that is still to be written.
 enum Part<'a> {
     Clustered(&'a Bvh2, usize),
     Listed(&'a [u32]),
@@ -195,24 +196,24 @@ enum Part<'a> {
 }
 
 impl Items {
-    /// How many there are.
+    /// Returns the number of items.
     fn count(&self) -> usize {
         self.ones.len() + self.crowds.len()
     }
 
-    /// The tree of many boxes that item `i` is, if it is not one box.
+    /// Returns the tree that item `i` stands for; `None` if it is a single box.
     fn crowd(&self, i: u32) -> Option<&Tree> {
         (i as usize).checked_sub(self.ones.len()).map(|crowd| &self.crowds[crowd])
     }
 }
 
-/// The tree over some items, in parts where there are very many.
+/// Builds the tree over some items, in parts if there are very many.
 fn build_members(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
     divide(members, PART, bounds, &|part| build_over(part, quality, bounds), &joined)
 }
 
-/// The tree over some of the boxes. No box is kept: boxes take more memory than what they are computed from, at the time
-/// when most is needed.
+/// Builds the tree over some of the boxes. Boxes are not stored: they take more memory than the data they are computed
+/// from, and memory use peaks here.
 fn build_over(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
     let (ones, crowds) = crowded_cells(&members, bounds);
     if ones.is_empty() && crowds.len() == 1 {
@@ -227,9 +228,9 @@ fn build_over(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bou
     cluster(&items, &seen, quality)
 }
 
-/// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both
-/// in the order of the members. Cells are those of the members' centroids, so that all members are one crowd only
-/// if their centroids are equal.
+/// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both in
+/// member order. The cells divide the box of the members' centroids, so all members form one crowd only if their
+/// centroids are equal.
 fn crowded_cells(members: &[u32], bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<Vec<u32>>) {
     let of_chunk = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| bounds(i).center()));
     let centroids = members.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
@@ -252,7 +253,7 @@ fn crowded_cells(members: &[u32], bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (
     (loners.collect(), crowds)
 }
 
-/// A balanced tree over boxes that cannot be told apart.
+/// Builds a balanced tree over indistinguishable boxes.
 fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
     let mut tree = Tree { nodes: vec![Node { first: 0, count: 0 }], order: Vec::new() };
     let mut stack = vec![(0..members.len(), 0)];
@@ -269,7 +270,7 @@ fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
     tree
 }
 
-/// The tree of locally ordered clustering, with the trees of crowds grafted in.
+/// Builds the tree by locally ordered clustering and grafts in the trees of crowds.
 fn cluster(items: &Items, boxed: &(impl Fn(u32) -> Boxed + Sync), quality: Quality) -> Tree {
     let bvh = clustering::build(items.count(), boxed, &quality.params());
     let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.ones.len()) };
@@ -329,17 +330,17 @@ impl<'a> Part<'a> {
     }
 }
 
-/// The boxes of listed items, unless one of them is a crowd.
+/// Returns the boxes of the listed items; `None` if one of the items is a crowd.
 fn singles(list: &[u32], items: &Items) -> Option<Vec<u32>> {
     list.iter().map(|&i| items.ones.get(i as usize).copied()).collect()
 }
 
-/// How far the builder's boxes reach beyond their items, in unit cubes: boxes that all lie on a line have no areas to
-/// tell them apart by, and clustering equals takes quadratic time.
+/// Margin added to boxes for the builder, relative to the unit cube: boxes that all lie on a line have no area to
+/// distinguish them by, and clustering equal boxes takes quadratic time.
 const REACH: f32 = 1.0 / (1 << 22) as f32;
 
-/// The boxes of items moved and scaled uniformly into the unit cube, so that areas neither overflow nor vanish in the
-/// builder's single precision.
+/// Returns the boxes of items, moved and uniformly scaled into the unit cube, so that areas neither overflow nor
+/// underflow in the builder's single precision.
 fn in_unit_cube(items: &Items, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> impl Fn(u32) -> Boxed + Sync {
     let of_item = move |item: u32| match items.ones.get(item as usize) {
         Some(&one) => bounds(one),

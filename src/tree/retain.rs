@@ -1,10 +1,11 @@
-//! Trees that lose items, without being built again.
+//! Removes items from trees without rebuilding them.
 
 use super::{Node, Tree};
 
 impl Tree {
-    /// The tree without some items: nodes without any are gone, and those left with one child are that child. Beside it
-    /// for every node of it the node of this tree that it is; `None` where items below are gone.
+    /// Returns the tree without some items: nodes without items are removed, and nodes left with one child are replaced
+    /// by that child. Also returns, for each node of the new tree, the node of this tree with the same items; `None` if
+    /// items below were removed.
     pub fn retaining(&self, stays: impl Fn(u32) -> bool) -> (Tree, Vec<Option<u32>>) {
         let count = |items: &[u32]| [items.iter().filter(|&&i| stays(i)).count() as u32, items.len() as u32];
         let counts = self.refit(count, |a, b| [a[0] + b[0], a[1] + b[1]]);
