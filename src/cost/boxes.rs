@@ -1,6 +1,6 @@
 //! Boxes per surface point.
 //!
-//! How many instances a ray that starts or ends on a surface must at least look into: the ideal is one. After the
+//! The number of instances that a ray starting or ending on a surface must enter at least: the ideal is one. After the
 //! end-point overlap of T. Aila, T. Karras, S. Laine, "On Quality Metrics of Bounding Volume Hierarchies", High
 //! Performance Graphics 2013, counted for the instances of a TLAS only.
 
@@ -10,11 +10,11 @@ use rayon::prelude::*;
 use super::structure::Structure;
 use crate::scene::Bounds;
 
-/// Points that [`super::measure`] samples.
+/// Number of points that [`super::measure`] samples.
 pub const POINTS: usize = 10_000;
 
-/// How many instance boxes contain a random surface point. Best 1, without upper limit; 0 where there are no points.
-/// What is in the boxes, and in which order a ray would meet it, is not modelled.
+/// How many instance boxes contain a random surface point. Best 1, no upper limit; 0 if there are no points. Does not
+/// model the contents of the boxes or the order in which a ray meets them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BoxesPerPoint {
     /// Mean over the points.
@@ -26,8 +26,8 @@ pub struct BoxesPerPoint {
 }
 
 impl BoxesPerPoint {
-    /// Counts the boxes of a structure around each of the points. Boxes are closed, and a point that lies outside by
-    /// no more than rounding counts as inside.
+    /// Counts the boxes of a structure around each point. Boxes are closed, and a point outside by no more than
+    /// rounding error counts as inside.
     pub fn of(structure: &Structure, points: &[DVec3]) -> BoxesPerPoint {
         let nodes = structure.tlas.bounds(&structure.boxes);
         let reach = nodes.first().map_or(0.0, |all| all.min.abs().max(all.max.abs()).max_element());
@@ -47,10 +47,11 @@ impl BoxesPerPoint {
     }
 }
 
-/// How far rounding may move a point, over the largest coordinate: some units in the last place of a transform.
+/// Bound on the rounding error of a point relative to the largest coordinate: a few units in the last place of a
+/// transform.
 const ROUNDING: f64 = 1e-14;
 
-/// Number of instance boxes that share a point with `around`.
+/// Returns the number of instance boxes that share a point with `around`.
 fn boxes_touching(structure: &Structure, nodes: &[Bounds], around: &Bounds) -> u32 {
     let mut count = 0;
     let mut stack = if nodes.is_empty() { vec![] } else { vec![0] };

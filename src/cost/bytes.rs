@@ -1,29 +1,29 @@
 //! Predicted sizes of acceleration structures.
 //!
-//! Measured on an NVIDIA H200 (driver 580.159, `PREFER_FAST_TRACE`): a BLAS takes about 92 bytes a triangle, 77 to 80
-//! after compaction, a TLAS 161 bytes an instance. Other devices differ; ratios of two layouts differ less.
-//! The number of geometries makes no difference. A fixed part of every structure beyond its alignment is not modelled.
+//! Measured on an NVIDIA H200 (driver 580.159, `PREFER_FAST_TRACE`): a BLAS takes about 92 bytes per triangle, 77 to 80
+//! after compaction, a TLAS 161 bytes per instance. Other devices differ; ratios between two layouts differ less. The
+//! number of geometries makes no difference. The fixed size of each structure beyond its alignment is not modelled.
 
 use crate::layout::Layout;
 use crate::scene::Scene;
 
-/// Bytes of a compacted BLAS for each of its triangles.
+/// Bytes of a compacted BLAS per triangle.
 pub const COMPACTED_BLAS_BYTES_PER_TRIANGLE: u64 = 79;
 
-/// Bytes of a TLAS for each of its instances.
+/// Bytes of a TLAS per instance.
 pub const TLAS_BYTES_PER_INSTANCE: u64 = 161;
 
-/// What every acceleration structure's address is a multiple of (Vulkan specification,
-/// `VkAccelerationStructureCreateInfoKHR::offset`); the bytes up to the next one are lost.
+/// Alignment of the address of an acceleration structure (Vulkan specification,
+/// `VkAccelerationStructureCreateInfoKHR::offset`); the bytes up to the next multiple are lost.
 pub const ALIGNMENT: u64 = 256;
 
-/// Predicted bytes of a compacted BLAS of so many triangles, up to where the next one may begin; 0 for none.
-/// Beyond what 64 bits hold it is their largest value.
+/// Predicts the bytes of a compacted BLAS with this many triangles, including alignment; 0 for none. Saturates at the
+/// largest 64-bit value.
 pub fn blas(triangles: u64) -> u64 {
     aligned(triangles.saturating_mul(COMPACTED_BLAS_BYTES_PER_TRIANGLE))
 }
 
-/// Predicted bytes of a TLAS of so many instances; 0 for none. Beyond what 64 bits hold it is their largest value.
+/// Predicts the bytes of a TLAS with this many instances; 0 for none. Saturates at the largest 64-bit value.
 pub fn tlas(instances: u64) -> u64 {
     aligned(instances.saturating_mul(TLAS_BYTES_PER_INSTANCE))
 }
@@ -33,7 +33,7 @@ fn aligned(bytes: u64) -> u64 {
 }
 
 impl Layout {
-    /// Predicted bytes of all BLASes and the TLAS.
+    /// Predicts the bytes of all BLASes and the TLAS.
     pub fn as_bytes(&self, scene: &Scene) -> u64 {
         let blas = self.groups.iter().map(|g| blas(g.content.triangle_count(scene) as u64));
         blas.fold(tlas(self.placements.len() as u64), u64::saturating_add)

@@ -1,4 +1,4 @@
-//! The trees over the triangles of a scene's meshes, built once for all that need them.
+//! Trees over the triangles of a scene's meshes, built once and shared.
 
 use std::sync::Arc;
 
@@ -9,8 +9,8 @@ use crate::layout::{Content, Layout, PlacedTrees};
 use crate::scene::{Bounds, Geometry, Mesh, MeshId, Scene};
 use crate::tree::{Quality, Tree};
 
-/// For each mesh of a scene the tree over its triangles in mesh coordinates, item `i` being its triangle `i`; or none,
-/// where whoever needs it builds it. Trees of large scenes take about 8 bytes a triangle.
+/// For each mesh of a scene, the tree over its triangles in mesh coordinates, where item `i` is triangle `i`; `None` if
+/// users must build it themselves. Trees of large scenes take about 8 bytes per triangle.
 #[derive(Clone, Debug, Default)]
 pub struct MeshTrees(Vec<Option<Arc<Tree>>>);
 
@@ -20,9 +20,9 @@ impl MeshTrees {
         MeshTrees(scene.meshes.par_iter().map(|mesh| Some(Arc::new(tree(mesh)))).collect())
     }
 
-    /// The trees of a scene that was read from what was written for another one, whose own these are: shared where a mesh
-    /// has the same triangles, bit for bit, as the mesh of the same number there, else built. `written` are the trees of
-    /// the last meshes that have triangles, in their order, where they are known.
+    /// Returns the trees of `scene`, which was read from the output written for the scene `of`, whose trees are `self`.
+    /// A tree is shared if the mesh has the same triangles, bit for bit, as the mesh with the same index in `of`, and
+    /// built otherwise. `written` holds the known trees of the last meshes with triangles, in their order.
     pub fn build_for(&self, of: &Scene, scene: &Scene, written: &[Option<Arc<Tree>>]) -> MeshTrees {
         let mut of_written = vec![None; scene.meshes.len()];
         let last = (0..scene.meshes.len()).rev().filter(|&number| scene.meshes[number].triangle_count() > 0);
@@ -37,8 +37,8 @@ impl MeshTrees {
         MeshTrees(scene.meshes.par_iter().enumerate().map(tree).collect())
     }
 
-    /// The trees that are known of the meshes that a layout comes to ([`crate::layout::stored`]): those of groups that
-    /// are meshes as they are, and those that are known of placed triangles.
+    /// Returns the known trees of the meshes that a layout results in ([`crate::layout::stored`]): those of groups that
+    /// keep a mesh unchanged, and those known for placed triangles.
     pub fn of_layout(&self, scene: &Scene, layout: &Layout, placed: &PlacedTrees) -> MeshTrees {
         let known = |content: &Content| match content {
             Content::Kept(mesh) => self.0.get(mesh.0 as usize).cloned().flatten(),
@@ -48,13 +48,13 @@ impl MeshTrees {
         MeshTrees(layout.groups.par_iter().map(|group| known(&group.content)).collect())
     }
 
-    /// The tree of a mesh, if it is known.
+    /// Returns the tree of a mesh, if it is known.
     pub fn get(&self, mesh: MeshId) -> Option<&Tree> {
         self.0.get(mesh.0 as usize)?.as_deref()
     }
 }
 
-/// The tree over the triangles of a mesh.
+/// Builds the tree over the triangles of a mesh.
 fn tree(mesh: &Mesh) -> Tree {
     let bounds = |triangle: u32| Bounds::of(mesh.corners(triangle).map(|p| p.as_dvec3()));
     Tree::build_from(mesh.triangle_count(), Quality::Medium, &bounds)

@@ -1,4 +1,4 @@
-//! Trees over triangles and instances, and what they cost.
+//! Trees over triangles and instances, and their cost.
 
 pub mod boxes;
 pub mod bytes;
@@ -19,7 +19,7 @@ use crate::layout::Layout;
 use crate::layout::store::Store;
 use crate::scene::Scene;
 
-/// What a layout costs.
+/// The metrics of a layout.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Metrics {
     /// Mesh groups (BLASes).
@@ -28,41 +28,41 @@ pub struct Metrics {
     pub geometries: u64,
     /// Instances (TLAS entries).
     pub instances: u64,
-    /// Triangles stored: each group counted once.
+    /// Triangles stored; each group counts once.
     pub triangles_stored: u64,
-    /// Triangles placed: each instance counted.
+    /// Triangles placed; each instance counts.
     pub triangles_placed: u64,
-    /// Overlap ratio of the instances' world boxes, over the scene's box; best 0. See [`overlap`].
+    /// Overlap ratio of the instances' world boxes, relative to the scene's box; best 0. See [`overlap`].
     pub overlap_ratio: f64,
-    /// SAH cost of the two-level tree taken as one tree; best small. See [`TwoLevelCost::flat_cost`].
+    /// SAH cost of the two-level tree taken as one tree; lower is better. See [`TwoLevelCost::flat_cost`].
     pub sah_cost: f64,
-    /// Two-level cost; best small. See [`TwoLevelCost::cost`].
+    /// Two-level cost; lower is better. See [`TwoLevelCost::cost`].
     pub two_level_cost: f64,
-    /// Instance boxes around a random surface point, mean; best 1. See [`BoxesPerPoint`].
+    /// Mean number of instance boxes around a random surface point; best 1. See [`BoxesPerPoint`].
     pub boxes_per_point_mean: f64,
     /// 95th percentile.
     pub boxes_per_point_p95: f64,
     /// Maximum.
     pub boxes_per_point_max: f64,
-    /// Predicted size of all BLASes in bytes, compacted. See [`bytes`].
+    /// Predicted size of all compacted BLASes in bytes. See [`bytes`].
     pub blas_bytes: u64,
     /// Predicted size of the TLAS in bytes.
     pub tlas_bytes: u64,
 }
 
 impl Metrics {
-    /// Predicted size of all acceleration structures in bytes.
+    /// Returns the predicted size of all acceleration structures in bytes.
     pub fn as_bytes(&self) -> u64 {
         self.blas_bytes.saturating_add(self.tlas_bytes)
     }
 }
 
-/// Measures a layout of a scene. No metric is ever infinite or not a number; those over an area of 0 are 0.
+/// Measures a layout of a scene. All metrics are finite; those relative to an area of 0 are 0.
 pub fn measure(scene: &Scene, layout: &Layout) -> Metrics {
     measure_with(scene, layout, &MeshTrees::default())
 }
 
-/// As [`measure`], where trees of the scene's meshes are known.
+/// Like [`measure`], with known trees of the scene's meshes.
 pub fn measure_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Metrics {
     let structure = Structure::build_with(scene, layout, trees);
     let scene_area = scene.bounds().area();
@@ -79,7 +79,7 @@ pub fn measure_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Metric
     }
 }
 
-/// What can be counted without a tree: everything up to the overlap ratio, and the bytes.
+/// Fills in what can be counted without a tree: everything before the overlap ratio, and the bytes.
 fn count(scene: &Scene, layout: &Layout) -> Metrics {
     let mut metrics = Metrics {
         mesh_groups: layout.groups.len() as u64,
@@ -99,7 +99,7 @@ fn count(scene: &Scene, layout: &Layout) -> Metrics {
     metrics
 }
 
-/// A part of an area; 0 where the area is 0 or one of them is too large for a number.
+/// Returns `part / of`; 0 if `of` is 0 or either is too large to divide.
 fn share(part: f64, of: f64) -> f64 {
     let share = part / of;
     if of.is_finite() && share.is_finite() { share } else { 0.0 }
@@ -146,7 +146,7 @@ mod tests {
         Scene { meshes: meshes.into(), instances, ..Scene::default() }
     }
 
-    /// Every mesh and instance as it is.
+    /// Keeps each mesh and instance.
     pub(super) fn kept(scene: &Scene) -> Layout {
         let group = |m: usize| Group { name: String::new(), content: Content::Kept(MeshId(m as u32)) };
         let place = |(i, instance): (usize, &Instance)| Placement {
@@ -161,7 +161,7 @@ mod tests {
         }
     }
 
-    /// All triangles of all instances in one group.
+    /// Puts all triangles of all instances in one group.
     fn baked(scene: &Scene) -> Layout {
         let of_instance = |i: u32| {
             let count = scene.mesh_of(InstanceId(i)).triangle_count() as u32;

@@ -1,13 +1,13 @@
 //! The overlap ratio.
 //!
-//! T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical University in Prague, 2024, chapter 5:
-//! sum over all pairs of objects of the surface area of the intersection of their boxes, over the surface area of
-//! the box of the scene. Boxes are closed: two that touch in a face overlap by the two sides of a flat box, as the
-//! values of the thesis's table 5.1 have it.
+//! T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical University in Prague, 2024, chapter 5: sum
+//! over all pairs of objects of the surface area of the intersection of their boxes, divided by the surface area of the
+//! scene's box. Boxes are closed: if two boxes touch in a face, they overlap by both sides of a flat box, which
+//! reproduces the values of the thesis's table 5.1.
 //!
-//! Every box queries a tree over all boxes for the boxes behind it in tree order, so that the work follows the
-//! number of pairs. The ratio needs no pair of boxes that lies wholly one in the other: sums kept in the nodes stand
-//! in for them, so that a million equal boxes take no longer than a million separate ones.
+//! Each box queries a tree over all boxes for those after it in tree order, so the work is proportional to the number
+//! of pairs. The ratio does not need to visit pairs in which one box encloses the other: sums stored in the nodes
+//! replace them, so a million equal boxes take no longer than a million separate ones.
 
 use rayon::prelude::*;
 
@@ -25,7 +25,7 @@ pub struct Pair {
     pub area: f64,
 }
 
-/// All pairs of boxes that share a point and whose intersection has a surface area above `min_area` (in squared
+/// Returns all pairs of boxes that share a point and whose intersection has a surface area above `min_area` (in squared
 /// units), ordered by `a`, then `b`. Boxes that are empty or not finite overlap nothing.
 pub fn pairs(boxes: &[Bounds], min_area: f64) -> Vec<Pair> {
     let index = Index::over(boxes);
@@ -46,43 +46,43 @@ pub fn pairs(boxes: &[Bounds], min_area: f64) -> Vec<Pair> {
     pairs
 }
 
-/// Sum of the surface areas of the intersections of all pairs of boxes, in squared units. Boxes that are empty or not
-/// finite do not count.
+/// Returns the sum of the surface areas of the intersections of all pairs of boxes, in squared units. Boxes that are
+/// empty or not finite do not count.
 pub fn shared_area(boxes: &[Bounds]) -> f64 {
     Index::over(boxes).shared_area()
 }
 
-/// Sum of the surface areas of the intersections of all pairs of boxes over the surface area of the box around all;
-/// at least 0, best 0, without upper limit. Boxes that are empty or not finite do not count; 0 where the box around
-/// all has no area. It says nothing about what is in the boxes.
+/// Returns the sum of the surface areas of the intersections of all pairs of boxes, divided by the surface area of the
+/// box around all boxes; at least 0, best 0, no upper limit. Boxes that are empty or not finite do not count; 0 if the
+/// box around all boxes has no area. Does not model the contents of the boxes.
 pub fn ratio(boxes: &[Bounds]) -> f64 {
     let index = Index::over(boxes);
     let scene = index.volumes.first().map_or(0.0, |root| root.around.area());
     super::share(index.shared_area(), scene)
 }
 
-/// A box and its number in the input.
+/// A box and its index in the input.
 struct Item {
     id: u32,
     bounds: Bounds,
 }
 
-/// What a node of the tree knows of the items below it.
+/// Summary of the items below a node of the tree.
 #[derive(Clone)]
 struct Volume {
     /// The box around them.
     around: Bounds,
-    /// The box common to all of them; may be empty.
+    /// Their intersection; may be empty.
     common: Bounds,
     /// Sum of their surface areas.
     area: f64,
-    /// The first of them, in tree order.
+    /// The first item, in tree order.
     first: u32,
-    /// Past the last of them.
+    /// One past the last item.
     end: u32,
 }
 
-/// Boxes in the order of a tree over them.
+/// Boxes in tree order, with the tree over them.
 struct Index {
     items: Vec<Item>,
     tree: Tree,
@@ -90,7 +90,7 @@ struct Index {
     volumes: Vec<Volume>,
 }
 
-/// Queries that one task makes: fixed, so that sums are rounded alike for any number of threads.
+/// Queries per task: fixed, so that sums round equally for any number of threads.
 const CHUNK: usize = 512;
 
 impl Index {
@@ -102,7 +102,8 @@ impl Index {
         Index { items, tree, volumes }
     }
 
-    /// Runs a query for every item, with a stack for [`Index::visit_later`]; one result a chunk, in tree order.
+    /// Runs a query for each item, with a stack for [`Index::visit_later`]; returns one result per chunk, in tree
+    /// order.
     fn map_chunks<T: Default + Send>(&self, query: impl Fn(&Item, usize, &mut Vec<u32>, &mut T) + Sync) -> Vec<T> {
         let chunk = |(c, items): (usize, &[Item])| {
             let (mut stack, mut result) = (Vec::new(), T::default());
@@ -114,7 +115,7 @@ impl Index {
         self.items.par_chunks(CHUNK).enumerate().map(chunk).collect()
     }
 
-    /// Visits the items behind place `at`, except in nodes that `enter` refuses.
+    /// Visits the items after position `at`, except in nodes that `enter` rejects.
     fn visit_later(
         &self,
         at: usize,
@@ -136,14 +137,14 @@ impl Index {
         }
     }
 
-    /// Sum of the surface areas of all pairs' intersections.
+    /// Returns the sum of the surface areas of the intersections of all pairs.
     fn shared_area(&self) -> f64 {
         let add =
             |query: &Item, at, stack: &mut Vec<u32>, sum: &mut f64| *sum += self.shared_with_later(query, at, stack);
         self.map_chunks(add).iter().sum()
     }
 
-    /// Sum of the surface areas of an item's intersections with the items behind its place.
+    /// Returns the sum of the surface areas of an item's intersections with the items after its position.
     fn shared_with_later(&self, query: &Item, at: usize, stack: &mut Vec<u32>) -> f64 {
         let (mut whole, mut single) = (0.0, 0.0);
         let enter = |volume: &Volume| {
@@ -165,7 +166,7 @@ impl Index {
 }
 
 impl Volume {
-    /// Of the items of a leaf.
+    /// Summarises the items of a leaf.
     fn of(items: &[Item], places: &[u32]) -> Volume {
         let first = places.first().map_or(0, |&p| p);
         let one = |&p: &u32| {
@@ -182,7 +183,7 @@ impl Volume {
         places.iter().map(one).fold(none, |all, one| Volume::join(&all, &one))
     }
 
-    /// Of two neighbours in tree order.
+    /// Summarises two neighbours in tree order.
     fn join(left: &Volume, right: &Volume) -> Volume {
         Volume {
             around: left.around.union(&right.around),
@@ -194,7 +195,7 @@ impl Volume {
     }
 }
 
-/// Whether all of `inner`, which is not empty, lies in `outer`.
+/// Whether `outer` contains all of `inner`, which must not be empty.
 fn encloses(outer: &Bounds, inner: &Bounds) -> bool {
     outer.min.cmple(inner.min).all() && inner.max.cmple(outer.max).all()
 }
@@ -228,7 +229,7 @@ mod tests {
         if scene > 0.0 { sum / scene } else { 0.0 }
     }
 
-    /// Boxes with corners on a coarse grid, so that many are equal, nested, flat, or touch; some are empty.
+    /// Boxes with corners on a coarse grid, so that many are equal, nested, flat, or touching; some are empty.
     fn grid_boxes() -> impl Strategy<Value = Vec<Bounds>> {
         let corner = || [0..6i32, 0..6i32, 0..6i32].prop_map(|c| DVec3::from(c.map(f64::from)));
         let grid_box = (corner(), corner(), 0..10u32).prop_map(|(a, b, kind)| match kind {

@@ -1,45 +1,45 @@
 //! SAH cost.
 //!
-//! J. Goldsmith, J. Salmon, "Automatic Creation of Object Hierarchies for Ray Tracing", IEEE CG&A 7(5), 1987, and
-//! J. D. MacDonald, K. S. Booth, "Heuristics for Ray Tracing Using Space Subdivision", The Visual Computer 6, 1990:
-//! what a random line through the scene costs that passes every box it meets and hits nothing.
+//! J. Goldsmith, J. Salmon, "Automatic Creation of Object Hierarchies for Ray Tracing", IEEE CG&A 7(5), 1987, and J. D.
+//! MacDonald, K. S. Booth, "Heuristics for Ray Tracing Using Space Subdivision", The Visual Computer 6, 1990: the
+//! expected cost of a random line through the scene that enters each box it meets and hits nothing.
 
 use glam::DVec3;
 
 use crate::scene::Bounds;
 use crate::tree::Tree;
 
-/// What it costs to pass an inner node; the unit of all costs.
+/// Cost of traversing an inner node; the unit of all costs.
 pub const TRAVERSAL: f64 = 1.0;
 
-/// What a triangle test costs.
+/// Cost of a triangle test.
 pub const INTERSECTION: f64 = 1.0;
 
-/// SAH cost of a tree over items with the given boxes: (1/A_root)(C_t sum over inner nodes A_n + C_i sum over
-/// leaves A_l N_l), with C_t [`TRAVERSAL`] and C_i [`INTERSECTION`]. At least 0, best small; 0 where the root has no
-/// area. Occlusion and the order in which rays meet nodes are not modelled.
+/// Returns the SAH cost of a tree over items with the given boxes: (1/A_root)(C_t sum over inner nodes A_n + C_i sum
+/// over leaves A_l N_l), where C_t is [`TRAVERSAL`] and C_i is [`INTERSECTION`]. At least 0, lower is better; 0 if the
+/// root has no area. Does not model occlusion or the order in which rays meet nodes.
 pub fn cost(tree: &Tree, boxes: &[Bounds]) -> f64 {
     let bounds = tree.bounds(boxes);
     let root = bounds.first().map_or(0.0, Bounds::area);
     super::share(FaceAreas::of(tree, &bounds).cost(DVec3::ONE), root)
 }
 
-/// The surface areas of the boxes of a tree, summed by the axis that their faces are perpendicular to.
+/// Surface areas of the boxes of a tree, summed separately for the faces perpendicular to each axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaceAreas {
-    /// Of inner nodes.
+    /// Areas of inner nodes.
     pub inner: DVec3,
-    /// Of leaves, each counted for every item in it.
+    /// Areas of leaves, each counted once per item in it.
     pub leaves: DVec3,
 }
 
 impl FaceAreas {
-    /// Sums the boxes of a tree's nodes, which run parallel to them.
+    /// Sums the boxes of a tree's nodes; `bounds` is parallel to them.
     pub fn of(tree: &Tree, bounds: &[Bounds]) -> FaceAreas {
         FaceAreas::sum(tree.nodes.iter().zip(bounds).map(|(node, bounds)| (node.count, *bounds)))
     }
 
-    /// Sums the boxes of nodes, each with the number of items in it: 0 for an inner node.
+    /// Sums the boxes of nodes, each given with its number of items: 0 for an inner node.
     pub fn sum(nodes: impl Iterator<Item = (u32, Bounds)>) -> FaceAreas {
         let mut sums = FaceAreas::default();
         for (count, bounds) in nodes {
@@ -53,8 +53,8 @@ impl FaceAreas {
         sums
     }
 
-    /// C_t times the area of inner nodes plus C_i times that of leaves, in squared units, where faces perpendicular
-    /// to each axis are scaled by `scale`.
+    /// Returns C_t times the area of inner nodes plus C_i times that of leaves, in squared units, with faces
+    /// perpendicular to each axis scaled by `scale`.
     pub fn cost(&self, scale: DVec3) -> f64 {
         (TRAVERSAL * self.inner + INTERSECTION * self.leaves).dot(scale)
     }

@@ -1,8 +1,8 @@
-//! Seeded rays as far as they go in a scene: from where they start to the first surface they hit.
+//! Seeded rays, cut off at the first surface they hit.
 //!
-//! Whatever the layout, a ray must enter every box that its segment meets, and, if it meets boxes in the best order, no
-//! other. Counting boxes on segments therefore sees what SAH does not: that rays start inside overlapping boxes, and
-//! that surfaces end them. After the end-point overlap of T. Aila, T. Karras, S. Laine, "On Quality Metrics of Bounding
+//! For any layout, a ray must enter each box that its segment meets and, if it visits boxes in the best order, no
+//! others. Counting boxes on segments therefore sees two things that SAH does not: rays start inside overlapping boxes,
+//! and surfaces end them. After the end-point overlap of T. Aila, T. Karras, S. Laine, "On Quality Metrics of Bounding
 //! Volume Hierarchies", High Performance Graphics 2013.
 
 use glam::{DAffine3, DVec3};
@@ -13,7 +13,7 @@ use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Mesh, Scene};
 use crate::tree::{Quality, Tree};
 
-/// A part of a line: `origin + t * along` for t from 0 to `length`.
+/// A line segment: `origin + t * along` for t from 0 to `length`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     origin: DVec3,
@@ -23,28 +23,29 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// From `origin` to `origin + length * along`.
+    /// Creates the segment from `origin` to `origin + length * along`.
     pub fn new(origin: DVec3, along: DVec3, length: f64) -> Segment {
-        // No component is 0, so that no product with its inverse is NaN.
+        // No component is 0, so that a product with its inverse is never NaN.
         let inverse = along.to_array().map(|c| if c.abs() < SMALLEST { SMALLEST.copysign(c) } else { c }.recip());
         Segment { origin, along, inverse: DVec3::from(inverse), length }
     }
 
-    /// The segment seen from elsewhere: `by` takes it there.
+    /// Returns the segment transformed by `by`.
     pub fn under(&self, by: &DAffine3) -> Segment {
         Segment::new(by.transform_point3(self.origin), by.transform_vector3(self.along), self.length)
     }
 
-    /// Whether it has a point in a box that is not empty; touching counts (A. Williams et al., "An Efficient and Robust
-    /// Ray-Box Intersection Algorithm", Journal of Graphics Tools 10(1), 2005).
+    /// Whether the segment meets a non-empty box; touching counts (A. Williams et al., "An Efficient and Robust Ray-Box
+    /// Intersection Algorithm", Journal of Graphics Tools 10(1), 2005).
     pub fn meets(&self, bounds: &Bounds) -> bool {
         let (a, b) = ((bounds.min - self.origin) * self.inverse, (bounds.max - self.origin) * self.inverse);
         let near = a.min(b).max_element().max(0.0);
         near <= a.max(b).min_element().min(self.length)
     }
 
-    /// Where it passes a triangle: its t, if beyond `start` and before the end (T. Möller, B. Trumbore, "Fast, Minimum
-    /// Storage Ray-Triangle Intersection", Journal of Graphics Tools 2(1), 1997).
+    /// Returns the t at which the segment intersects a triangle, if it lies between `start` and the end, both excluded
+    /// (T. Möller, B. Trumbore, "Fast, Minimum Storage Ray-Triangle Intersection", Journal of Graphics Tools 2(1),
+    /// 1997).
     fn hit(&self, [a, b, c]: [DVec3; 3], start: f64) -> Option<f64> {
         let (e, f) = (b - a, c - a);
         let p = self.along.cross(f);
@@ -56,7 +57,7 @@ impl Segment {
     }
 }
 
-/// Directions closer to a plane between axes than this count as this close.
+/// Smaller direction components are replaced by this magnitude.
 const SMALLEST: f64 = 1e-200;
 
 /// A tree with the boxes of its nodes.
@@ -64,18 +65,18 @@ const SMALLEST: f64 = 1e-200;
 pub struct Boxed {
     /// The tree.
     pub tree: Tree,
-    /// The box of every node, parallel to the tree's nodes.
+    /// The box of each node, parallel to the tree's nodes.
     pub bounds: Vec<Bounds>,
 }
 
 impl Boxed {
-    /// Builds a tree over those boxes that are not empty and not too large.
+    /// Builds a tree over the boxes that are neither empty nor too large.
     pub fn build(boxes: &[Bounds], quality: Quality) -> Boxed {
         let tree = Tree::build_usable(boxes, quality);
         Boxed { bounds: tree.bounds(boxes), tree }
     }
 
-    /// Builds a tree over the triangles of a mesh, in its coordinates.
+    /// Builds a tree over the triangles of a mesh, in mesh coordinates.
     pub fn of_mesh(mesh: &Mesh, quality: Quality) -> Boxed {
         let triangle = |t: u32| Bounds::of(mesh.corners(t).map(|p| p.as_dvec3()));
         let boxes: Vec<Bounds> =
@@ -83,14 +84,14 @@ impl Boxed {
         Boxed::build(&boxes, quality)
     }
 
-    /// Visits the nodes whose box a segment meets, as `segment` has it at that moment: a visit may shorten it.
+    /// Visits the nodes whose box the segment meets at the time of the visit; a visit may shorten the segment.
     pub fn visit(&self, segment: &mut Segment, visit: impl FnMut(usize, &mut Segment)) {
         if !self.bounds.is_empty() {
             self.visit_below(0, segment, visit);
         }
     }
 
-    /// The same of a node and all below it.
+    /// Like [`Boxed::visit`], for a node and all nodes below it.
     pub fn visit_below(&self, root: usize, segment: &mut Segment, mut visit: impl FnMut(usize, &mut Segment)) {
         let mut stack: Vec<u32> = vec![root as u32];
         while let Some(at) = stack.pop() {
@@ -105,26 +106,27 @@ impl Boxed {
         }
     }
 
-    /// The items in a node's leaf; none for an inner node.
+    /// Returns the items of a leaf; none for an inner node.
     pub fn items(&self, node: usize) -> &[u32] {
         &self.tree.order[self.tree.nodes[node].items()]
     }
 }
 
-/// Of so many segments one comes from outside the scene; the others start on a surface.
+/// One in this many segments comes from outside the scene; the others start on a surface.
 const ONE_FROM_OUTSIDE: usize = 4;
 
-/// Segments traced before their work is looked at.
+/// Segments traced between checks of the work done.
 const BLOCK: usize = 16;
 
-/// Instances tried after which no further segment is traced.
+/// No further segment is traced once this many instances were tried.
 const MOST_ENTRIES: u64 = 1 << 19;
 
 const SEED: u64 = 0x7365_676d_656e_7473;
 
-/// Segments of a scene, the same for equal scenes: three of four start anywhere on its surfaces in any direction, the
-/// others come from outside through anywhere in the sphere around it. Fewer than `count` where the scene has no area
-/// to start on and where very many instances lie in one place; none where its box is empty or not finite. `meshes` are trees over its meshes' triangles.
+/// Samples segments of a scene, the same for equal scenes: three of four start at random surface points in random
+/// directions; the others come from outside through random points of the sphere around the scene. Returns fewer than
+/// `count` if the scene has no surface area or very many instances overlap in one place, and none if the scene's box is
+/// empty or not finite. `meshes` holds trees over the triangles of the scene's meshes.
 pub fn sample(scene: &Scene, meshes: &[Boxed], count: usize) -> Vec<Segment> {
     let instances = Placed::new(scene, meshes);
     let around = instances.top.bounds.first().copied().unwrap_or(Bounds::EMPTY);
@@ -145,7 +147,7 @@ pub fn sample(scene: &Scene, meshes: &[Boxed], count: usize) -> Vec<Segment> {
     instances.cut_all(&starts, NEAREST * reach)
 }
 
-/// Brings the segments into an order in which every part has both kinds.
+/// Shuffles the segments so that each part contains both kinds.
 fn interleave(starts: &mut [Segment]) {
     let mut random = SplitMix64(!SEED);
     for i in (1..starts.len()).rev() {
@@ -153,7 +155,7 @@ fn interleave(starts: &mut [Segment]) {
     }
 }
 
-/// Hits nearer than this, over the scene's diagonal, are the surface that a ray starts on.
+/// Hits nearer than this, relative to the scene's diagonal, are on the surface that a ray starts on.
 const NEAREST: f64 = 1e-7;
 
 fn direction(random: &mut SplitMix64) -> DVec3 {
@@ -163,12 +165,12 @@ fn direction(random: &mut SplitMix64) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
-/// The instances of a scene, to be traced.
+/// The instances of a scene, prepared for tracing.
 struct Placed<'a> {
     scene: &'a Scene,
     meshes: &'a [Boxed],
     top: Boxed,
-    /// Mesh from world, for every instance.
+    /// Mesh from world, for each instance.
     into: Vec<DAffine3>,
 }
 
@@ -181,7 +183,8 @@ impl<'a> Placed<'a> {
         Placed { scene, meshes, top: Boxed::build(&boxes, Quality::Instances), into }
     }
 
-    /// Segments up to the first triangle that each passes; only the first ones where they enter too many instances.
+    /// Cuts segments at the first triangle that each intersects; returns only the first ones if they enter too many
+    /// instances.
     fn cut_all(&self, segments: &[Segment], start: f64) -> Vec<Segment> {
         let (mut cut, mut entries) = (Vec::with_capacity(segments.len()), 0);
         for block in segments.chunks(BLOCK) {
@@ -195,7 +198,7 @@ impl<'a> Placed<'a> {
         cut
     }
 
-    /// A segment up to the first triangle that it passes, and how many instances it was tried on.
+    /// Cuts a segment at the first triangle that it intersects; also returns how many instances were tried.
     fn cut_at_hit(&self, segment: Segment, start: f64) -> (Segment, u64) {
         let (mut segment, mut entries) = (segment, 0);
         self.top.visit(&mut segment, |node, segment| {

@@ -1,4 +1,4 @@
-//! The acceleration structures of a layout: a tree over the triangles of every group, and one over its placements.
+//! The acceleration structures of a layout: a tree over the triangles of each group, and one over its placements.
 
 use rayon::prelude::*;
 
@@ -12,18 +12,18 @@ use crate::tree::{Quality, Tree};
 /// The trees of a layout, as a driver might build them.
 #[derive(Clone, Debug, Default)]
 pub struct Structure {
-    /// For every group of the layout its tree.
+    /// The tree of each group of the layout.
     pub blas: Vec<Blas>,
-    /// For every placement the world box of its group's box, as a driver sees it; empty for an empty group.
+    /// For each placement, the world box of its group's box, as a driver sees it; empty for an empty group.
     pub boxes: Vec<Bounds>,
-    /// The tree over `boxes`, one a leaf; without boxes that are empty or not finite.
+    /// The tree over `boxes`, one per leaf; omits boxes that are empty or not finite.
     pub tlas: Tree,
 }
 
 /// The tree over the triangles of a group.
 #[derive(Clone, Debug, Default)]
 pub struct Blas {
-    /// Item `i` is the group's triangle `i` as [`Store`] counts.
+    /// Item `i` is the group's triangle `i` in the numbering of [`Store`].
     pub tree: Tree,
     /// The box around all triangles, in group space.
     pub bounds: Bounds,
@@ -37,7 +37,7 @@ impl Structure {
         Structure::build_with(scene, layout, &MeshTrees::default())
     }
 
-    /// As [`Structure::build`], where trees of the scene's meshes are known.
+    /// Like [`Structure::build`], with known trees of the scene's meshes.
     pub fn build_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Structure {
         let blas: Vec<Blas> = layout.groups.par_iter().map(|group| Blas::build(scene, group, trees)).collect();
         let world_box = |p: &Placement| blas[p.group as usize].bounds.transformed(&p.transform);
@@ -48,7 +48,7 @@ impl Structure {
 }
 
 impl Blas {
-    /// The tree of a group, built where it is not that of a mesh that is known.
+    /// Returns the tree of a group: that of the mesh if the group keeps it and it is known, else a new one.
     fn build(scene: &Scene, group: &Group, trees: &MeshTrees) -> Blas {
         let triangles = Store::new(scene, &group.content);
         let known = match group.content {

@@ -6,13 +6,14 @@ use rayon::prelude::*;
 use super::two_level::{cofactor, face_scale};
 use crate::scene::{Bounds, Instance, Mesh, Scene};
 
-/// Points distributed evenly by area over all placed triangles: the same for equal scenes, whatever their layout.
-/// Fewer than `count`, in general none, where no triangle has an area that can be told from 0 and from infinity.
+/// Returns points distributed uniformly by area over all placed triangles: the same for equal scenes, whatever their
+/// layout. Returns fewer than `count`, usually none, if no triangle has an area distinguishable from 0 and from
+/// infinity.
 ///
-/// An instance, an axis, and a triangle are chosen by the triangles' areas as seen along the axes of their mesh,
-/// which add up over the mesh for any transform; a triangle is then kept by its true area over the sum of the
-/// three. No sums are needed for single instances, and at most about half of all triangles are thrown back where
-/// transforms do not shear.
+/// An instance, an axis, and a triangle are chosen by the triangles' areas projected along the axes of their mesh,
+/// which can be summed over the mesh for any transform; a triangle is then accepted with a probability of its true area
+/// over the sum of the three. No sums per instance are needed, and at most about half of all triangles are rejected
+/// unless transforms shear.
 pub fn points(scene: &Scene, count: usize) -> Vec<DVec3> {
     let meshes: Vec<Chunks> = scene.meshes.iter().map(Chunks::of).collect();
     let seen_area = |i: &Instance| face_scale(&i.transform.matrix3).dot(meshes[i.mesh.0 as usize].total());
@@ -33,13 +34,13 @@ pub fn points(scene: &Scene, count: usize) -> Vec<DVec3> {
 
 const SEED: u64 = 0x7261_796b_696c_6e21;
 
-/// Tries for each point wanted.
+/// Tries per point requested.
 const TRIES: usize = 100;
 
-/// Triangles that share a sum.
+/// Triangles per stored sum.
 const CHUNK: usize = 64;
 
-/// Areas of a mesh's triangles as seen along each axis, summed up to the end of every chunk of triangles.
+/// Areas of a mesh's triangles projected along each axis: running sums at the end of each chunk of triangles.
 struct Chunks(Vec<DVec3>);
 
 impl Chunks {
@@ -67,18 +68,18 @@ fn running_sums<T: Copy + Default + std::ops::Add<Output = T>>(values: impl Iter
     values.scan(T::default(), add).collect()
 }
 
-/// The first place whose running sum exceeds `target`, or the last.
+/// Returns the first position whose running sum exceeds `target`, or the last position.
 fn place<T>(sums: &[T], key: impl Fn(&T) -> f64, target: f64) -> usize {
     sums.partition_point(|sum| key(sum) <= target).min(sums.len() - 1)
 }
 
-/// A triangle's normal, as long as its area, in mesh coordinates.
+/// Returns a triangle's normal with its area as length, in mesh coordinates.
 fn area_vector(mesh: &Mesh, triangle: u32) -> DVec3 {
     let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());
     0.5 * (b - a).cross(c - a)
 }
 
-/// A point on a triangle of an instance, or none where the triangle is thrown back.
+/// Returns a point on a triangle of an instance; `None` if the triangle is rejected.
 fn point_on(instance: &Instance, mesh: &Mesh, chunks: &Chunks, random: &mut SplitMix64) -> Option<DVec3> {
     let m = &instance.transform.matrix3;
     let scale = face_scale(m);
@@ -94,7 +95,7 @@ fn point_on(instance: &Instance, mesh: &Mesh, chunks: &Chunks, random: &mut Spli
     Some(random.point_in(corners))
 }
 
-/// The triangle at which the running sum of the areas seen along an axis exceeds `target`.
+/// Returns the triangle at which the running sum of the areas projected along an axis exceeds `target`.
 fn triangle_at(mesh: &Mesh, chunks: &Chunks, axis: usize, target: f64) -> u32 {
     let chunk = place(&chunks.0, |sum| sum[axis], target);
     let mut sum = if chunk > 0 { chunks.0[chunk - 1][axis] } else { 0.0 };
@@ -119,13 +120,13 @@ impl SplitMix64 {
         z ^ (z >> 31)
     }
 
-    /// A number from 0 up to, and without, 1.
+    /// Returns a number in [0, 1).
     pub(super) fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// A point in a triangle, none beyond its box by rounding (G. Turk, "Generating Random Points in Triangles",
-    /// Graphics Gems, 1990).
+    /// Returns a point in a triangle, clamped so that rounding never moves it out of the triangle's box (G. Turk,
+    /// "Generating Random Points in Triangles", Graphics Gems, 1990).
     fn point_in(&mut self, [a, b, c]: [DVec3; 3]) -> DVec3 {
         let (root, share) = (self.unit().sqrt(), self.unit());
         let point = a + root * (b - a) + root * share * (c - b);

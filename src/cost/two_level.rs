@@ -1,7 +1,7 @@
 //! The cost of a two-level structure.
 //!
-//! SAH carried over two levels: C. Benthin, S. Woop, I. Wald, A. Áfra, "Improved Two-Level BVHs using Partial
-//! Re-Braiding", High Performance Graphics 2017, have the problem; the price of an instance entry is our own.
+//! SAH extended to two levels: C. Benthin, S. Woop, I. Wald, A. Áfra, "Improved Two-Level BVHs using Partial
+//! Re-Braiding", High Performance Graphics 2017, describe the problem; the cost of an instance entry is our own.
 
 use glam::{DMat3, DVec3};
 
@@ -9,25 +9,25 @@ use super::sah::{FaceAreas, TRAVERSAL};
 use super::structure::Structure;
 use crate::layout::Layout;
 
-/// What it costs to enter an instance: to transform the ray and begin at another root, against [`TRAVERSAL`].
-/// Fitted on an NVIDIA H200 over 97 layouts of 15 scenes, an entry is worth about 4.4 binary node steps for
-/// incoherent rays and 7 for coherent ones.
+/// Cost of entering an instance (transforming the ray and starting at another root), relative to [`TRAVERSAL`]. Fitted
+/// on an NVIDIA H200 over 97 layouts of 15 scenes: an entry costs about 4.4 binary node steps for incoherent rays and 7
+/// for coherent ones.
 pub const INSTANCE_ENTRY: f64 = 5.0;
 
-/// The parts of a two-level cost, in squared world units: areas times costs.
+/// The terms of a two-level cost, in squared world units: areas times costs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TwoLevelCost {
     /// C_t times the areas of the TLAS's inner nodes.
     pub top: f64,
     /// C_x times the areas of the placements' world boxes.
     pub entries: f64,
-    /// For every placement, C_t times the areas of its BLAS's inner nodes plus C_i times the areas of its leaves,
-    /// each counted for every triangle in it.
+    /// For each placement, C_t times the areas of its BLAS's inner nodes plus C_i times the areas of its leaves, each
+    /// counted once per triangle in it.
     pub bottom: f64,
 }
 
 impl TwoLevelCost {
-    /// Adds up the parts for a layout and its structure.
+    /// Sums the terms for a layout and its structure.
     pub fn of(structure: &Structure, layout: &Layout) -> TwoLevelCost {
         let top = structure.tlas.bounds(&structure.boxes);
         let inner = structure.tlas.nodes.iter().zip(&top).filter(|(node, _)| !node.is_leaf());
@@ -38,18 +38,18 @@ impl TwoLevelCost {
         TwoLevelCost::sum(inner.map(|(_, bounds)| bounds.area()), placed)
     }
 
-    /// The parts of one placement: `area` is that of its world box, `areas` are those of its BLAS, `linear` is the
-    /// linear part of world from group.
+    /// Returns the terms of one placement: `area` is that of its world box, `areas` are those of its BLAS, `linear` is
+    /// the linear part of world from group.
     ///
-    /// A node of a BLAS is met in group space, so that its area in world units is that of the parallelepiped that
-    /// the placement makes of its box, and not that of the larger world box around it: under a matrix M, faces
-    /// perpendicular to an axis are scaled by the length of that column of M's cofactor matrix. The TLAS's nodes and
-    /// the entries have world boxes, as a driver sees them.
+    /// A BLAS node is intersected in group space, so its area in world units is that of the parallelepiped into which
+    /// the placement transforms its box, not that of the larger world box around it: under a matrix M, faces
+    /// perpendicular to an axis are scaled by the length of that column of M's cofactor matrix. TLAS nodes and entries
+    /// use world boxes, as a driver sees them.
     pub fn of_placement(area: f64, areas: &FaceAreas, linear: &DMat3) -> TwoLevelCost {
         TwoLevelCost { top: 0.0, entries: INSTANCE_ENTRY * area, bottom: areas.cost(face_scale(linear)) }
     }
 
-    /// Adds up the areas of the TLAS's inner nodes and the parts of the placements.
+    /// Sums the areas of the TLAS's inner nodes and the terms of the placements.
     pub fn sum(inner: impl Iterator<Item = f64>, placements: impl Iterator<Item = TwoLevelCost>) -> TwoLevelCost {
         let mut sum = TwoLevelCost { top: inner.map(|area| TRAVERSAL * area).sum(), ..TwoLevelCost::default() };
         for placement in placements {
@@ -59,26 +59,28 @@ impl TwoLevelCost {
         sum
     }
 
-    /// The two-level cost: (1/A_S)[C_t sum over TLAS inner nodes A_n + sum over instances (C_x A_loose + C_t sum over
-    /// its BLAS inner nodes A_n + C_i sum over its leaves A_l N_l)]. `scene_area` is A_S, the surface area of the
-    /// scene's box: of the scene and not of the layout, so that costs of layouts compare. At least 0, best small; 0
-    /// where the scene has no area. Occlusion and the order in which rays meet boxes are not modelled.
+    /// Returns the two-level cost: (1/A_S)[C_t sum over TLAS inner nodes A_n + sum over instances (C_x A_loose + C_t
+    /// sum over its BLAS inner nodes A_n + C_i sum over its leaves A_l N_l)]. `scene_area` is A_S, the surface area of
+    /// the box of the scene, not of the layout, so that costs of layouts are comparable. At least 0, lower is better; 0
+    /// if the scene has no area. Does not model occlusion or the order in which rays meet boxes.
     pub fn cost(&self, scene_area: f64) -> f64 {
         super::share(self.top + self.entries + self.bottom, scene_area)
     }
 
-    /// SAH cost of the TLAS and the BLASes behind its leaves taken as one tree: the two-level cost with entries free.
+    /// Returns the SAH cost of the TLAS and the BLASes below its leaves taken as one tree: the two-level cost with free
+    /// entries.
     pub fn flat_cost(&self, scene_area: f64) -> f64 {
         super::share(self.top + self.bottom, scene_area)
     }
 }
 
-/// The matrix that area vectors follow when points follow `m`: its columns are the cross products of `m`'s.
+/// Returns the matrix that transforms area vectors when `m` transforms points: its columns are the cross products of
+/// those of `m`.
 pub(super) fn cofactor(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }
 
-/// By how much a matrix scales areas perpendicular to each axis.
+/// Returns the factor by which a matrix scales areas perpendicular to each axis.
 pub(super) fn face_scale(m: &DMat3) -> DVec3 {
     let cofactor = cofactor(m);
     DVec3::new(cofactor.x_axis.length(), cofactor.y_axis.length(), cofactor.z_axis.length())
@@ -94,14 +96,14 @@ mod tests {
     use glam::{DAffine3, dvec3};
     use proptest::prelude::*;
 
-    /// Surface area of the parallelepiped that a transform makes of a box.
+    /// Surface area of the parallelepiped into which a transform maps a box.
     fn area_under(bounds: &Bounds, by: &DAffine3) -> f64 {
         let s = bounds.size();
         let edges = [DVec3::X * s.x, DVec3::Y * s.y, DVec3::Z * s.z].map(|e| by.transform_vector3(e));
         2.0 * (0..3).map(|i| edges[i].cross(edges[(i + 1) % 3]).length()).sum::<f64>()
     }
 
-    /// The two parts below the TLAS, term by term.
+    /// Computes the two terms below the TLAS as written in the formula.
     fn term_by_term(scene: &Scene, layout: &Layout, structure: &Structure) -> (f64, f64) {
         let (mut entries, mut bottom) = (0.0, 0.0);
         for placement in &layout.placements {
