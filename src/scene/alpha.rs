@@ -1,4 +1,4 @@
-//! What the geometries of alpha-tested materials test, taken from the document.
+//! Alpha tests of geometries, taken from the document.
 
 use std::path::Path;
 
@@ -8,14 +8,14 @@ pub use raykiln_formats::alpha::{Image, Wrap};
 
 use super::{Geometry, Opacity, Scene};
 
-/// What a geometry of an alpha-tested material lets through.
+/// The alpha test of a geometry with an alpha-tested material.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AlphaTest {
     /// Smallest alpha that counts as a hit.
     pub cutoff: f32,
-    /// Factor on the texture's alpha, or the alpha itself where there is no texture.
+    /// Factor applied to the texture's alpha, or the alpha itself if there is no texture.
     pub factor: f32,
-    /// Where the texture's alpha comes from.
+    /// The texture that the alpha comes from.
     pub texture: Option<AlphaTexture>,
 }
 
@@ -24,15 +24,15 @@ pub struct AlphaTest {
 pub struct AlphaTexture {
     /// Index into [`Scene::images`].
     pub image: u32,
-    /// How it goes on beyond 0 to 1, by axis.
+    /// Wrapping mode outside 0 to 1, per axis.
     pub wrap: [Wrap; 2],
-    /// For each vertex where it is on the texture, finite; `KHR_texture_transform` is applied. Empty where the
-    /// image cannot be had.
+    /// Texture coordinates of each vertex, finite, with `KHR_texture_transform` applied. Empty if the image is
+    /// unavailable.
     pub texcoords: Vec<[f32; 2]>,
 }
 
-/// Attaches alpha tests to the geometries of alpha-tested materials, and their images to the scene. What is wrong
-/// with a texture is told by its image when that is read.
+/// Attaches alpha tests to the geometries of alpha-tested materials, and their images to the scene. Faults of a texture
+/// are reported when its image is read.
 pub(super) fn attach(doc: &Document, scene: &mut Scene) {
     let mut images = Images { doc, images: Vec::new(), of_document: Vec::new() };
     for mesh in scene.meshes.iter_mut() {
@@ -46,8 +46,8 @@ pub(super) fn attach(doc: &Document, scene: &mut Scene) {
 }
 
 impl Scene {
-    /// Has images that are files below the folder `from` looked for below `to` as well; for a document that is read
-    /// from another place than the one it is made for.
+    /// Searches for images stored as files below the folder `from` also below `to`, for a document that is read from a
+    /// different place than the one it is meant for.
     pub fn also_look_for_images(&mut self, from: &Path, to: &Path) {
         self.images.iter_mut().for_each(|image| image.also_look(from, to));
     }
@@ -56,7 +56,7 @@ impl Scene {
 struct Images<'d> {
     doc: &'d Document,
     images: Vec<Image>,
-    /// For images of the document their place in `images`.
+    /// For each image of the document, its index in `images`.
     of_document: Vec<Option<u32>>,
 }
 
@@ -84,7 +84,7 @@ impl Images<'_> {
         AlphaTest { cutoff: test.cutoff as f32, factor: test.factor as f32, texture }
     }
 
-    /// The place of a document's image.
+    /// Returns the index of an image of the document.
     fn of(&mut self, image: usize) -> u32 {
         if let Some(Some(place)) = self.of_document.get(image) {
             return *place;
@@ -101,7 +101,7 @@ impl Images<'_> {
     }
 }
 
-/// A texture coordinate as it is looked up; what is no finite number counts as 0.
+/// Transforms a texture coordinate for lookup; components that are not finite become 0.
 fn transformed(uv: [f32; 2], transform: &glam::DAffine2) -> [f32; 2] {
     let uv = transform.transform_point2(DVec2::from_array(uv.map(f64::from)));
     uv.to_array().map(|x| if (x as f32).is_finite() { x as f32 } else { 0.0 })
@@ -116,7 +116,7 @@ mod tests {
     use super::super::{LoadOptions, load};
     use super::*;
 
-    /// The textured sample, its one material changed.
+    /// The textured sample with a change to its JSON.
     fn sample(change: impl FnOnce(&mut Value)) -> (Document, Scene) {
         let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("samples/textured/scene.gltf");
         let mut doc = raykiln_formats::read(&file).expect("the sample is read");
@@ -162,7 +162,7 @@ mod tests {
         });
         let plain = plain.texcoords(0, 0, 0).expect("it has some");
         for (uv, [u, v]) in texture(&scene).texcoords.iter().zip(plain) {
-            // A quarter turn counter-clockwise with v pointing down takes (u, v) to (v, -u).
+            // A counter-clockwise quarter turn with v pointing down maps (u, v) to (v, -u).
             let expected = [3.0 * v + 0.25, -2.0 * u - 0.5];
             assert!((uv[0] - expected[0]).abs() < 1e-6 && (uv[1] - expected[1]).abs() < 1e-6, "{uv:?} {expected:?}");
         }

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3};
 
-/// An axis-aligned box; empty when a minimum exceeds its maximum.
+/// An axis-aligned box; empty if a minimum exceeds its maximum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Smallest corner.
@@ -18,25 +18,25 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// The box of nothing; neutral to [`Bounds::union`].
+    /// The empty box; the identity of [`Bounds::union`].
     pub const EMPTY: Bounds = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
-    /// The smallest box around some points.
+    /// Returns the smallest box around some points.
     pub fn of(points: impl IntoIterator<Item = DVec3>) -> Self {
         points.into_iter().fold(Bounds::EMPTY, |b, p| Bounds { min: b.min.min(p), max: b.max.max(p) })
     }
 
-    /// Whether no point lies inside.
+    /// Whether the box contains no point.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
 
-    /// The smallest box around both.
+    /// Returns the smallest box around both.
     pub fn union(&self, other: &Bounds) -> Bounds {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// What both have in common; may be empty.
+    /// Returns the intersection; may be empty.
     pub fn intersection(&self, other: &Bounds) -> Bounds {
         Bounds { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
@@ -46,36 +46,36 @@ impl Bounds {
         !self.intersection(other).is_empty()
     }
 
-    /// Edge lengths; zero for an empty box.
+    /// Returns the edge lengths; zero for an empty box.
     pub fn size(&self) -> DVec3 {
         if self.is_empty() { DVec3::ZERO } else { self.max - self.min }
     }
 
-    /// Surface area, in squared units; zero for an empty box.
+    /// Returns the surface area, in squared units; zero for an empty box.
     pub fn area(&self) -> f64 {
         let s = self.size();
         2.0 * (s.x * s.y + s.y * s.z + s.z * s.x)
     }
 
-    /// Length of the diagonal; zero for an empty box.
+    /// Returns the length of the diagonal; zero for an empty box.
     pub fn diagonal(&self) -> f64 {
         self.size().length()
     }
 
-    /// The midpoint; the origin for an empty box.
+    /// Returns the midpoint; the origin for an empty box.
     pub fn center(&self) -> DVec3 {
         if self.is_empty() { DVec3::ZERO } else { self.min + 0.5 * (self.max - self.min) }
     }
 
-    /// The midpoint, rounded so that a file that is read in single precision holds it; the origin where that cannot hold it.
+    /// Returns the midpoint, rounded to single precision as stored in files; the origin if that overflows.
     pub fn stored_center(&self) -> DVec3 {
         let middle = self.center().as_vec3().as_dvec3();
         if middle.is_finite() { middle } else { DVec3::ZERO }
     }
 
-    /// The box of this box's eight transformed corners, as a driver computes an instance's box
-    /// (J. Arvo, "Transforming Axis-Aligned Bounding Boxes", Graphics Gems, 1990). Exact under the identity; faces
-    /// that touch still touch after a common translation and axis-aligned scale.
+    /// Returns the box of this box's eight transformed corners, as a driver computes an instance's box (J. Arvo,
+    /// "Transforming Axis-Aligned Bounding Boxes", Graphics Gems, 1990). Exact for the identity; faces that touch still
+    /// touch after a common translation and axis-aligned scale.
     pub fn transformed(&self, by: &DAffine3) -> Bounds {
         if self.is_empty() {
             return *self;

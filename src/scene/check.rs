@@ -2,17 +2,18 @@
 
 use super::{Geometry, InstanceId, Mesh, Scene};
 
-/// The first broken invariant of a scene, in words.
+/// Describes the first broken invariant of a scene.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Broken(pub String);
 
 impl Scene {
-    /// Names the first broken invariant: indices in range, no empty mesh or geometry, triangles counted through
-    /// each mesh, referenced positions and transforms finite, an image and a coordinate a vertex for each alpha test.
+    /// Checks the invariants: indices in range, no empty mesh or geometry, triangles numbered consecutively through
+    /// each mesh, referenced positions and transforms finite, and for each alpha test an image and one texture
+    /// coordinate per vertex.
     ///
     /// # Errors
-    /// Whatever the fields' descriptions promise and is not so.
+    /// The first broken promise of the fields' descriptions.
     pub fn check(&self) -> Result<(), Broken> {
         for (i, mesh) in self.meshes.iter().enumerate() {
             check_mesh(mesh, self.materials.len(), self.images.len())
@@ -35,7 +36,7 @@ impl Scene {
 }
 
 impl Scene {
-    /// Whether the mesh that an instance's mesh stands in for is there and has as many triangles.
+    /// Whether the mesh that an instance's mesh stands in for exists and has the same number of triangles.
     fn stands_in_soundly(&self, instance: InstanceId) -> bool {
         let Some(stand_in) = self.stand_in(instance) else { return true };
         let Some(copy) = self.meshes.get(stand_in.copy.0 as usize) else { return false };

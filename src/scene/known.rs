@@ -1,9 +1,9 @@
-//! What is computed once, when it is first asked for.
+//! Values computed once, on first use.
 
 use std::sync::OnceLock;
 
-/// A value computed once, when it is first asked for, from what holds it. A clone computes its own, for what it is cloned
-/// with may be changed.
+/// A value computed once, on first use, from the object that holds it. A clone computes its own, because the object
+/// cloned with it may be changed.
 #[derive(Debug)]
 pub struct Known<T>(OnceLock<T>);
 

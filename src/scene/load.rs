@@ -1,4 +1,4 @@
-//! From a document to a [`Scene`].
+//! Loads a [`Scene`] from a document.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,18 +15,17 @@ use super::{Geometry, Instance, Known, Mesh, MeshId, Pinned, PlacedCamera, Scene
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct LoadOptions {
-    /// Refuse non-finite positions, which are otherwise dropped with a warning.
+    /// Reject non-finite positions, which are otherwise dropped with a warning.
     pub strict: bool,
-    /// Glob patterns of node and mesh names: what they match, and all nodes below, is pinned.
+    /// Glob patterns of node and mesh names: matching nodes, and all nodes below them, are pinned.
     pub keep: Vec<String>,
 }
 
-/// Makes the scene a ray tracer sees of the document's default scene; also returns which patterns match nothing, and
-/// what was left out.
+/// Loads what a ray tracer sees of the document's default scene. Also returns warnings about patterns that match
+/// nothing and about skipped content.
 ///
 /// # Errors
-/// Whatever [`Document::contents`] finds; a pattern that is no glob; a transform that overflows; a scene without a
-/// triangle.
+/// Any error of [`Document::contents`]; an invalid glob pattern; a transform that overflows; a scene without triangles.
 pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning>), Error> {
     let keep = patterns(&options.keep).map_err(|e| Error::whole(&doc.path, format!("--keep: {e}")))?;
     let mut contents = doc.contents(ReadOptions::default().with_strict(options.strict))?;
@@ -61,7 +60,7 @@ fn patterns(globs: &[String]) -> Result<GlobSet, globset::Error> {
     set.build()
 }
 
-/// A warning of each pattern that matches nothing and so protects nothing.
+/// Returns a warning for each pattern that matches nothing and so protects nothing.
 fn unmatched(contents: &Contents, shown: &[Shown], globs: &[String], keep: &GlobSet) -> Vec<Warning> {
     let mut matched = vec![false; globs.len()];
     for node in shown.iter().map(|s| &contents.nodes[s.node]).filter(|_| !globs.is_empty()) {
@@ -80,11 +79,11 @@ struct Shown {
     node: usize,
     /// World from node.
     transform: DAffine3,
-    /// What the node or an ancestor is pinned by.
+    /// Why the node is pinned, by itself or through an ancestor.
     pinned: Option<Pinned>,
 }
 
-/// The nodes of the default scene, depth first, children in file order.
+/// Returns the nodes of the default scene in depth-first order, children in file order.
 fn walk(contents: &Contents, keep: &GlobSet) -> Vec<Shown> {
     let mut shown = Vec::with_capacity(contents.nodes.len());
     let mut stack: Vec<(usize, DAffine3, Option<Pinned>)> =
@@ -99,7 +98,7 @@ fn walk(contents: &Contents, keep: &GlobSet) -> Vec<Shown> {
     shown
 }
 
-/// What pins a node and all nodes below it.
+/// Returns why a node and all nodes below it are pinned.
 fn node_pin(contents: &Contents, node: &contents::Node, keep: &GlobSet) -> Option<Pinned> {
     let mesh_name = node.mesh.and_then(|m| contents.meshes[m].name.as_deref());
     let matches = |name: Option<&str>| name.is_some_and(|n| keep.is_match(n));
@@ -114,7 +113,7 @@ fn node_pin(contents: &Contents, node: &contents::Node, keep: &GlobSet) -> Optio
     }
 }
 
-/// What pins a node alone.
+/// Returns why a node alone is pinned.
 fn instance_pin(contents: &Contents, node: &contents::Node, mesh: usize) -> Option<Pinned> {
     if node.skinned {
         Some(Pinned::Skinned)
@@ -127,7 +126,8 @@ fn instance_pin(contents: &Contents, node: &contents::Node, mesh: usize) -> Opti
     }
 }
 
-/// The meshes the shown nodes place, in file order, and for each mesh of the document its place among them.
+/// Returns the meshes that the shown nodes place, in file order, and for each mesh of the document its index among
+/// them.
 fn meshes(contents: &mut Contents, shown: &[Shown]) -> (Vec<Mesh>, Vec<Option<MeshId>>) {
     let mut placed = vec![false; contents.meshes.len()];
     for s in shown {
@@ -219,19 +219,19 @@ fn instances(
     Ok(instances)
 }
 
-/// Whether a device, which inverts the transform in single precision, cannot trace into the instance: the axes span
-/// no volume, or one so flat that rounding decides on which side it lies.
+/// Whether a device, which inverts the transform in single precision, cannot trace into the instance: the axes span no
+/// volume, or one so flat that rounding decides its orientation.
 fn is_singular(transform: &DAffine3) -> bool {
     let m = transform.matrix3;
     let spanned = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
     let flatness = m.determinant().abs() / spanned;
     let inverse = transform.inverse();
     let invertible = inverse.to_cols_array().iter().all(|c| (*c as f32).is_finite());
-    // NaN, from axes of no length or an overflow, counts as flat.
+    // NaN, from axes of length zero or an overflow, counts as flat.
     flatness.is_nan() || flatness <= 1e-9 || !invertible
 }
 
-/// Pins all copies of a node as soon as one is pinned.
+/// Pins all copies of a node if one of them is pinned.
 pub(super) fn pin_whole_nodes(instances: &mut [Instance]) {
     for copies in instances.chunk_by_mut(|a, b| a.node == b.node) {
         let pinned = copies.iter().find_map(|i| i.pinned);

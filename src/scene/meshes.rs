@@ -1,4 +1,4 @@
-//! The meshes of a scene, which scenes share.
+//! The meshes of a scene, which several scenes can share.
 
 use std::ops::{Index, IndexMut};
 use std::sync::Arc;
@@ -7,46 +7,43 @@ use rayon::prelude::*;
 
 use super::{Known, Mesh};
 
-/// A list of meshes. Its clones share them, so that scenes that place the same meshes in different ways store them once;
-/// a mesh that is changed in one of them is copied first.
+/// A list of meshes. Clones share the meshes, so that scenes that place the same meshes in different ways store them
+/// once; a mesh is copied before it is changed in one of them.
 #[derive(Clone, Debug, Default)]
 pub struct Meshes(Vec<Arc<Mesh>>);
 
 impl Meshes {
-    /// Number of meshes.
+    /// Returns the number of meshes.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no meshes.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// A mesh by its index.
+    /// Returns a mesh by its index.
     pub fn get(&self, index: usize) -> Option<&Mesh> {
         self.0.get(index).map(Arc::as_ref)
     }
 
-    /// A mesh by its index, to be placed by another scene as well.
-    ///
-    /// # Panics
-    /// If there is no such mesh.
+    /// Returns a mesh by its index, for another scene to share.
     pub fn share(&self, index: usize) -> Arc<Mesh> {
         self.0[index].clone()
     }
 
-    /// All of them in order.
+    /// Iterates over the meshes in order.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = &Mesh> + ExactSizeIterator {
         self.0.iter().map(Arc::as_ref)
     }
 
-    /// As [`Meshes::iter`], in parallel.
+    /// Like [`Meshes::iter`], in parallel.
     pub fn par_iter(&self) -> impl IndexedParallelIterator<Item = &Mesh> {
         self.0.par_iter().map(Arc::as_ref)
     }
 
-    /// All of them, to be changed.
+    /// Iterates over the meshes for modification.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Mesh> {
         self.0.iter_mut().map(changeable)
     }
@@ -80,7 +77,7 @@ impl IndexMut<usize> for Meshes {
     }
 }
 
-/// A mesh to be changed; nothing is known of it afterwards.
+/// Returns a mesh for modification and discards its cached bounds.
 fn changeable(mesh: &mut Arc<Mesh>) -> &mut Mesh {
     let mesh = Arc::make_mut(mesh);
     mesh.extent = Known::default();

@@ -35,27 +35,27 @@ pub struct InstanceId(pub u32);
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     /// Mesh groups with at least one triangle that an instance of the default scene places, or would place if no other
-    /// mesh stood in for it, in the order of the document.
+    /// mesh stood in for it, in document order.
     pub meshes: Meshes,
-    /// Their placements: the TLAS entries, in depth-first order of the node hierarchy.
+    /// Placements of the meshes: the TLAS entries, in depth-first order of the node hierarchy.
     pub instances: Vec<Instance>,
     /// The document's materials.
     pub materials: Vec<Material>,
     /// Images of alpha-tested materials.
     pub images: Vec<Image>,
-    /// The document's cameras where a node of the default scene places one, in that order.
+    /// The document's cameras that nodes of the default scene place, in node order.
     pub cameras: Vec<PlacedCamera>,
     /// Number of nodes in the document.
     pub nodes: usize,
     /// Nodes whose mesh `EXT_mesh_gpu_instancing` copies, in ascending order.
     pub copied_nodes: Vec<u32>,
-    /// What the meshes of instances stand in for, by instance, as an [`Overlay`] has it; empty for a scene as it was loaded.
+    /// By instance, what its mesh stands in for, as given by an [`Overlay`]; empty for a scene as loaded.
     pub stand_ins: Arc<Vec<Option<StandIn>>>,
     /// See [`Scene::instance_boxes`] and [`Scene::bounds`].
     pub boxes: Known<Boxes>,
 }
 
-/// World boxes of what a scene places.
+/// World boxes of a scene's instances.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boxes {
     of_instances: Vec<Bounds>,
@@ -71,8 +71,8 @@ pub struct Mesh {
     pub source: u32,
     /// Its geometries, in file order; none is empty.
     pub geometries: Vec<Geometry>,
-    /// Whether triangles of the document's mesh were dropped, so that it must not be written as it is. Points and lines
-    /// beside the triangles are no reason: they stay in the document's mesh.
+    /// Whether triangles of the document's mesh were dropped, so that it must not be written unchanged. Points and
+    /// lines next to the triangles do not count: they stay in the document's mesh.
     pub dropped: bool,
     /// See [`Mesh::bounds`].
     pub extent: Known<Bounds>,
@@ -87,19 +87,19 @@ pub struct Geometry {
     pub material: Option<u32>,
     /// How rays pass through the material.
     pub opacity: Opacity,
-    /// What is tested where the material is alpha-tested.
+    /// The alpha test, if the material is alpha-tested.
     pub alpha: Option<AlphaTest>,
     /// Geometries with equal material and equal `merge_class` may be joined into one.
     pub merge_class: u32,
-    /// Index of its first triangle when the triangles of the mesh are counted through.
+    /// Index of its first triangle in the numbering of the mesh's triangles.
     pub first_triangle: u32,
-    /// Vertex positions, all referenced ones finite.
+    /// Vertex positions; all referenced ones are finite.
     pub positions: Vec<Vec3>,
-    /// Vertices of each triangle, counter-clockwise from the front.
+    /// Vertices of each triangle, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
-    /// For each triangle its index in the document's primitive; `None` where they are equal.
+    /// For each triangle, its index in the document's primitive; `None` if the indices are equal.
     pub kept: Option<Vec<u32>>,
-    /// For each triangle the input triangle it was made from, where the document is a bake's output.
+    /// For each triangle, the input triangle it was made from, if the document is the output of a bake.
     pub provenance: Option<raykiln_formats::contents::Provenance>,
 }
 
@@ -110,22 +110,22 @@ pub struct Instance {
     pub name: String,
     /// Node of the document.
     pub node: u32,
-    /// Node of the input this instance stands for: `extras.raykiln.source.node` of the node where present (a bake's
-    /// output), else `node`.
+    /// Node of the input that this instance represents: `extras.raykiln.source.node` of the node if present (in the
+    /// output of a bake), else `node`.
     pub source_node: u32,
-    /// The mesh of the input this instance stands for, where it places a copy of that mesh: the rest of
-    /// `extras.raykiln.source` (a bake's output).
+    /// The mesh of the input that this instance represents, if it places a copy of that mesh: the rest of
+    /// `extras.raykiln.source` (in the output of a bake).
     pub source_copy: Option<CopyOf>,
-    /// Copy within the node (`EXT_mesh_gpu_instancing`), else 0.
+    /// Index of the copy within the node (`EXT_mesh_gpu_instancing`), else 0.
     pub copy: u32,
-    /// Copy within `source_node`: 0 where the copies of the node stand for nodes of their own (a bake's output), else
-    /// `copy`.
+    /// Index of the copy within `source_node`: 0 if the copies of the node represent nodes of their own (in the output
+    /// of a bake), else `copy`.
     pub source_index: u32,
-    /// What is placed.
+    /// The mesh that is placed.
     pub mesh: MeshId,
     /// World from mesh, finite.
     pub transform: DAffine3,
-    /// Why the instance must stay as it is; `None` if it need not.
+    /// Why the instance must stay unchanged; `None` if it need not.
     pub pinned: Option<Pinned>,
 }
 
@@ -140,20 +140,20 @@ pub enum Pinned {
     Morphed,
     /// A `--keep` pattern of the user matches its node, an ancestor or its mesh.
     Protected,
-    /// Another scene of the file shows its node too.
+    /// Another scene of the file also shows its node.
     OtherScene,
     /// Its node or an ancestor has an extension whose meaning is unknown.
     UnknownExtension,
     /// Its transform is singular, so that no ray can enter it.
     Singular,
-    /// Writing its triangles out would exceed the largest position error allowed.
+    /// Writing its triangles out would exceed the maximum position error.
     Precision,
 }
 
-/// A material, as far as tracing goes.
+/// A material, as far as it matters for tracing.
 pub type Material = raykiln_formats::contents::Material;
 
-/// A camera and where it stands.
+/// A camera and its placement.
 #[derive(Clone, Debug)]
 pub struct PlacedCamera {
     /// Name of its node, or empty.
@@ -164,7 +164,7 @@ pub struct PlacedCamera {
     pub transform: DAffine3,
 }
 
-/// A triangle as an instance places it: `triangle` counts through all geometries of the instance's mesh.
+/// A triangle placed by an instance; `triangle` counts through all geometries of the instance's mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct TriangleRef {
@@ -175,23 +175,23 @@ pub struct TriangleRef {
 }
 
 impl Mesh {
-    /// Triangles in all geometries.
+    /// Returns the number of triangles in all geometries.
     pub fn triangle_count(&self) -> usize {
         self.geometries.iter().map(|g| g.triangles.len()).sum()
     }
 
-    /// Box around its triangles in mesh coordinates; computed once.
+    /// Returns the box around its triangles in mesh coordinates; computed once.
     pub fn bounds(&self) -> Bounds {
         *self.extent.get_or(|| self.geometries.iter().fold(Bounds::EMPTY, |all, g| all.union(&g.bounds())))
     }
 
-    /// The geometry that holds triangle `triangle` of the mesh, and the triangle's index in it.
+    /// Returns the geometry that holds a triangle of the mesh, and the triangle's index in it.
     pub fn locate(&self, triangle: u32) -> (usize, usize) {
         let g = self.geometries.partition_point(|g| g.first_triangle <= triangle) - 1;
         (g, (triangle - self.geometries[g].first_triangle) as usize)
     }
 
-    /// Corners of a triangle in mesh coordinates, as stored.
+    /// Returns the corners of a triangle in mesh coordinates, as stored.
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         let (g, t) = self.locate(triangle);
         self.geometries[g].corners(t)
@@ -199,30 +199,30 @@ impl Mesh {
 }
 
 impl Geometry {
-    /// Box around its triangles in mesh coordinates.
+    /// Returns the box around its triangles in mesh coordinates.
     pub fn bounds(&self) -> Bounds {
         Bounds::of(self.triangles.iter().flatten().map(|&v| self.positions[v as usize].as_dvec3()))
     }
 
-    /// Corners of a triangle in mesh coordinates, as stored.
+    /// Returns the corners of a triangle in mesh coordinates, as stored.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 }
 
 impl Scene {
-    /// Whether `EXT_mesh_gpu_instancing` copies the mesh of a node: its copies stand between the mesh and the node.
+    /// Whether `EXT_mesh_gpu_instancing` copies the mesh of a node: the copies' transforms apply between mesh and node.
     pub fn is_copied(&self, node: u32) -> bool {
         self.copied_nodes.binary_search(&node).is_ok()
     }
 
-    /// The mesh an instance places.
+    /// Returns the mesh that an instance places.
     pub fn mesh_of(&self, instance: InstanceId) -> &Mesh {
         &self.meshes[self.instances[instance.0 as usize].mesh.0 as usize]
     }
 
-    /// Corners of a placed triangle in world coordinates, in double precision. Of a mirrored instance the second
-    /// and third corner are exchanged, so that the order stays counter-clockwise from the front.
+    /// Returns the corners of a placed triangle in world coordinates, in double precision. For a mirrored instance the
+    /// second and third corner are swapped, so that the order stays counter-clockwise seen from the front.
     pub fn world_corners(&self, at: TriangleRef) -> [DVec3; 3] {
         let instance = &self.instances[at.instance as usize];
         let [a, b, c] = self.mesh_of(InstanceId(at.instance)).corners(at.triangle);
@@ -230,17 +230,18 @@ impl Scene {
         if instance.mirrored() { [a, c, b] } else { [a, b, c] }
     }
 
-    /// Objects: the geometries of all instances, each counted where it is placed.
+    /// Returns the number of objects: geometries of all instances, each counted where it is placed.
     pub fn objects(&self) -> u64 {
         self.instances.iter().map(|i| self.meshes[i.mesh.0 as usize].geometries.len() as u64).sum()
     }
 
-    /// World boxes of all instances: their meshes' boxes transformed, as a driver computes them; computed once.
+    /// Returns the world boxes of all instances, transformed from their meshes' boxes as a driver does; computed once.
     pub fn instance_boxes(&self) -> &[Bounds] {
         &self.boxes().of_instances
     }
 
-    /// Box around the boxes of all instances: never smaller than the box around all placed triangles; computed once.
+    /// Returns the box around the boxes of all instances, never smaller than the box around all placed triangles;
+    /// computed once.
     pub fn bounds(&self) -> Bounds {
         self.boxes().of_all
     }
@@ -254,7 +255,7 @@ impl Scene {
         })
     }
 
-    /// The scene with all that is placed moved; it shares all meshes.
+    /// Returns the scene with all instances and cameras moved; it shares all meshes.
     pub fn translated(&self, by: DVec3) -> Scene {
         let mut moved = self.clone();
         moved.instances.iter_mut().for_each(|instance| instance.transform.translation += by);
@@ -262,19 +263,19 @@ impl Scene {
         moved
     }
 
-    /// Triangles stored: each mesh counted once.
+    /// Returns the number of triangles stored; each mesh counts once.
     pub fn triangles_stored(&self) -> u64 {
         self.meshes.iter().map(|m| m.triangle_count() as u64).sum()
     }
 
-    /// Triangles placed: each instance counted.
+    /// Returns the number of triangles placed; each instance counts.
     pub fn triangles_placed(&self) -> u64 {
         self.instances.iter().map(|i| self.meshes[i.mesh.0 as usize].triangle_count() as u64).sum()
     }
 }
 
 impl Instance {
-    /// Whether the transform turns left hands into right hands.
+    /// Whether the transform reverses handedness.
     pub fn mirrored(&self) -> bool {
         self.transform.matrix3.determinant() < 0.0
     }

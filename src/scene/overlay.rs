@@ -1,22 +1,22 @@
-//! What a bake adds to a scene that it has read, which itself never changes.
+//! What a bake adds to a loaded scene, which itself never changes.
 
 use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::{InstanceId, Pinned, Scene, StandIn, load};
 
-/// What is laid over a scene: meshes that stand in for their copies, and instances that must stay as they are for a reason
-/// found after loading. Costs nothing while it is empty.
+/// An overlay on a scene: meshes that stand in for their copies, and instances that must stay unchanged for a reason
+/// found after loading. Costs nothing if empty.
 #[derive(Clone, Debug, Default)]
 pub struct Overlay {
-    /// By instance; none where the list is empty.
+    /// By instance; empty if there are none.
     stand_ins: Arc<Vec<Option<StandIn>>>,
-    /// By instance; those beyond the end are not pinned.
+    /// By instance; instances beyond the end are not pinned.
     pins: Vec<Option<Pinned>>,
 }
 
 impl Overlay {
-    /// Meshes that stand in for others, by instance.
+    /// Creates an overlay of meshes that stand in for others, by instance.
     pub fn of_stand_ins(stand_ins: Vec<Option<StandIn>>) -> Overlay {
         Overlay { stand_ins: Arc::new(stand_ins), pins: Vec::new() }
     }
@@ -29,15 +29,15 @@ impl Overlay {
         }
     }
 
-    /// Whether it changes nothing.
+    /// Whether the overlay changes nothing.
     pub fn is_empty(&self) -> bool {
         self.stand_ins.is_empty() && self.pins.is_empty()
     }
 }
 
 impl Scene {
-    /// The scene with an overlay; it shares all meshes. With an instance the other copies of its node are pinned: one list of
-    /// transforms serves them all, so that they stay or go together.
+    /// Returns the scene with an overlay applied; it shares all meshes. If an instance is pinned, so are the other
+    /// copies of its node: they share one list of transforms, so they stay or go together.
     pub fn overlaid(&self, overlay: &Overlay) -> Cow<'_, Scene> {
         if overlay.is_empty() {
             return Cow::Borrowed(self);

@@ -6,43 +6,44 @@ use glam::DAffine3;
 
 use super::{InstanceId, MeshId, Scene, TriangleOrder, TriangleRef};
 
-/// What an instance stands for whose mesh stands in for the one that its node places in the document.
+/// What an instance represents when its mesh stands in for the mesh that its node places in the document.
 #[derive(Clone, Debug)]
 pub struct StandIn {
-    /// The mesh that is placed instead.
+    /// The mesh placed instead.
     pub model: MeshId,
     /// The mesh that the node places in the document.
     pub copy: MeshId,
-    /// `copy` from `model`: turned, moved, uniformly scaled, perhaps mirrored; each coefficient is exactly a
-    /// 32-bit float.
+    /// `copy` from `model`: rotation, translation and uniform scale, possibly mirrored; each coefficient is exactly
+    /// representable as a 32-bit float.
     pub motion: DAffine3,
     /// World from `copy`.
     pub transform: DAffine3,
-    /// Which triangle of `copy` each triangle of `model` is; `None` where both are in the same order.
+    /// For each triangle of `model`, the triangle of `copy` that it represents; `None` if both have the same order.
     pub order: Option<Arc<TriangleOrder>>,
 }
 
-/// Where a triangle is in the document.
+/// The location of a triangle in the document.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Origin {
-    /// The mesh that its node places.
+    /// The mesh that the node places.
     pub mesh: MeshId,
-    /// Triangle of that mesh.
+    /// Triangle index in that mesh.
     pub triangle: u32,
     /// World from that mesh.
     pub transform: DAffine3,
 }
 
 impl Scene {
-    /// What the mesh that an instance places stands in for.
+    /// Returns what the mesh that an instance places stands in for.
     pub fn stand_in(&self, instance: InstanceId) -> Option<&StandIn> {
         self.stand_ins.get(instance.0 as usize)?.as_ref()
     }
 
-    /// Where a placed triangle is in the document: another mesh than the one placed where that stands in for it.
+    /// Returns the location of a placed triangle in the document, which is in a different mesh than the one placed if
+    /// that stands in for another.
     ///
     /// # Panics
-    /// If there is no such triangle, or an order of triangles is broken.
+    /// If there is no such triangle, or an order of triangles is invalid.
     pub fn origin(&self, at: TriangleRef) -> Origin {
         let instance = &self.instances[at.instance as usize];
         let Some(stand_in) = self.stand_in(InstanceId(at.instance)) else {
@@ -55,7 +56,7 @@ impl Scene {
         Origin { mesh: stand_in.copy, triangle, transform: stand_in.transform }
     }
 
-    /// Index in the document of the mesh that an instance's node places.
+    /// Returns the document index of the mesh that an instance's node places.
     pub fn document_mesh(&self, instance: InstanceId) -> u32 {
         let placed = self.instances[instance.0 as usize].mesh;
         let mesh = self.stand_in(instance).map_or(placed, |s| s.copy);
