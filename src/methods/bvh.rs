@@ -1,16 +1,16 @@
-//! `bvh`: binned SAH on every object.
+//! `bvh`: binned SAH on each object.
 //!
-//! I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007, as J. Bikker's article "How to
-//! build a BVH", 2022, has it and T. Bilák's thesis "Scene optimization for RTX", 2024, chapter 4.1, uses it: a tree
-//! over the triangles of every object, all trees growing breadth first until the nodes allowed for the scene are
-//! spent; the leaves become groups.
+//! I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007, as presented in J. Bikker's article
+//! "How to build a BVH", 2022, and used in T. Bilák's thesis "Scene optimization for RTX", 2024, chapter 4.1: a tree
+//! over the triangles of each object, all trees growing breadth first until the node budget of the scene is spent; the
+//! leaves become groups.
 //!
-//! Helps where objects are large and hollow; hurts where the pieces of long triangles overlap.
+//! Helps if objects are large and hollow; hurts if pieces overlap because of long triangles.
 //!
-//! Where the thesis leaves a choice: the nodes allowed follow from the triangles of the objects that are restructured;
-//! the root of every object counts as a node, also beyond what is allowed, and every split as two more; a split must
-//! lower the SAH cost (area times triangles, summed), else the node is a leaf; bins lie on the longest axis of the
-//! node's box along which centroids differ at all.
+//! Choices that the thesis leaves open: the node budget follows from the triangles of the objects that are
+//! restructured; the root of each object counts as a node, even beyond the budget, and each split counts as two more; a
+//! split must lower the SAH cost (sum of area times triangles), else the node is a leaf; bins are placed along the
+//! longest axis of the node's box along which centroids differ.
 
 use std::collections::VecDeque;
 
@@ -23,10 +23,10 @@ use crate::methods::pieces::{CHUNK, Item, Piece, Pieces, bounds_of, centroid_bou
 use crate::methods::{BvhOptions, InstanceOptions};
 use crate::scene::{Bounds, Scene};
 
-/// Bins along the axis of a split.
+/// Number of bins along the axis of a split.
 const BINS: usize = 16;
 
-/// Splits every object by binned SAH within [`BvhOptions::nodes_per_triangle_ratio`] of the triangles of all objects.
+/// Splits each object by binned SAH within [`BvhOptions::nodes_per_triangle_ratio`] of the triangles of all objects.
 pub(super) fn bvh(scene: &Scene, instances: &InstanceOptions, options: &BvhOptions) -> Layout {
     bake_within_limits(scene, instances, |selection| {
         let mut layout = Builder::new(scene);
@@ -38,7 +38,7 @@ pub(super) fn bvh(scene: &Scene, instances: &InstanceOptions, options: &BvhOptio
     })
 }
 
-/// The leaves of all trees, in the order of the objects.
+/// Returns the leaves of all trees, in the order of the objects.
 fn split_all(pieces: &mut Pieces, options: &BvhOptions, layout: &mut Builder) -> Vec<Vec<Piece>> {
     let mut queue: VecDeque<(Piece, Bounds)> = pieces.whole().into();
     let triangles: usize = queue.iter().map(|(piece, _)| piece.len()).sum();
@@ -79,7 +79,7 @@ fn split(pieces: &mut Pieces, piece: Piece) -> Option<[(Piece, Bounds); 2]> {
     Some(children.map(|child| (child, bounds_of(pieces.items(child)))))
 }
 
-/// How centroids fall into bins.
+/// Maps centroids to bins.
 struct Bins {
     axis: usize,
     start: f64,
@@ -130,8 +130,8 @@ impl Bin {
     }
 }
 
-/// The bin before the cheapest plane, and what the plane costs: for both sides area times triangles. The first among
-/// equals; `None` if all triangles are in one bin.
+/// Returns the bin before the cheapest plane, and the cost of the plane: the sum of area times triangles of both sides.
+/// The first plane wins ties; `None` if all triangles are in one bin.
 fn best_plane(bins: &[Bin; BINS]) -> Option<(usize, f64)> {
     let mut right = *bins;
     for i in (0..BINS - 1).rev() {
@@ -156,7 +156,7 @@ mod tests {
     use crate::scene::Pinned;
     use glam::{DAffine3, DVec3, Vec3};
 
-    /// Nodes enough for any scene.
+    /// Options with enough nodes for any scene.
     fn ample() -> BvhOptions {
         BvhOptions { nodes_per_triangle_ratio: 1.0, min_area_ratio: 0.0, ..BvhOptions::default() }
     }

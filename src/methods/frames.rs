@@ -1,30 +1,31 @@
-//! Frames: the rotations in which a group's triangles fill their boxes best.
+//! Frames: the rotations in which a group's triangles have the tightest boxes.
 //!
-//! Boxes fit triangles that lie along the axes and no others. Where a building is turned, or a pipe runs diagonally, the
-//! triangles are stored in the frame of their dominant normals and longest edges, and the instance turns them back:
-//! rays then meet tight boxes. The idea for one box is that of bounding boxes aligned with features (S. Gottschalk, M.
-//! Lin, D. Manocha, "OBBTree", SIGGRAPH 1996); a frame a group makes it work on hardware, whose boxes are axis-aligned
-//! within a BLAS. Candidates are taken from the triangles, and judged by refitting one tree in each.
+//! Boxes are tight only around triangles aligned with the axes. If a building is rotated, or a pipe runs diagonally,
+//! the triangles are stored in the frame of their dominant normals and longest edges, and the instance rotates them
+//! back: rays then meet tight boxes. For a single box, the idea is that of bounding boxes aligned with features (S.
+//! Gottschalk, M. Lin, D. Manocha, "OBBTree", SIGGRAPH 1996); one frame per group makes it work on hardware, whose
+//! boxes are axis-aligned within a BLAS. Candidates are derived from the triangles and judged by refitting one tree in
+//! each.
 
 use std::borrow::Cow;
 
 use glam::{DMat3, DVec3};
 
-/// Heaviest votes that are tried as the beginning of a cluster.
+/// Number of heaviest votes that are tried as the seed of a cluster.
 const SEEDS: usize = 8;
 
-/// Directions count as one where the cosine of their angle is above this: about three degrees.
+/// Directions are considered equal if the cosine of their angle exceeds this: about three degrees.
 const SAME_DIRECTION: f64 = 0.9986;
 
-/// Edges count as lying across a normal where the sine is below this.
+/// Edges are considered perpendicular to a normal if the sine of the deviation is below this.
 const ACROSS: f64 = 0.05;
 
-/// How thoroughly directions are looked for.
+/// How thoroughly to search for directions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
-    /// Dominant normals, and as many dominant edges, that frames are made of.
+    /// Number of dominant normals, and of dominant edges, that frames are made of.
     pub(super) directions: usize,
-    /// Triangles that vote on them, at most.
+    /// Maximum number of triangles that vote on them.
     pub(super) voters: usize,
 }
 
@@ -35,9 +36,9 @@ impl Search {
     pub(super) const GROUP: Search = Search { directions: 1, voters: 40 };
 }
 
-/// Rotations worth trying for some triangles, world from group: at most three for each direction looked for, none that
-/// is nearly another one of them or the identity. Coefficients are single-precision numbers. None where no triangle has
-/// an area.
+/// Returns rotations worth trying for some triangles, world from group: at most three per direction searched, none
+/// nearly equal to another or to the identity. Coefficients are single-precision numbers. Empty if no triangle has an
+/// area.
 pub(super) fn rotations<T>(
     triangles: impl ExactSizeIterator<Item = T>,
     corners: impl Fn(T) -> [DVec3; 3],
@@ -59,19 +60,19 @@ pub(super) fn rotations<T>(
     found
 }
 
-/// Weighted directions; signs do not count.
+/// Weighted directions; signs are ignored.
 type Directions = Vec<(DVec3, f64)>;
 
-/// What the triangles vote for.
+/// The votes of triangles.
 struct Votes {
     /// Unit normals, weighted by area.
     normals: Directions,
-    /// Unit directions of edges, weighted by length times the root of the area: what a misaligned edge wastes.
+    /// Unit directions of edges, weighted by length times the square root of the area: what a misaligned edge wastes.
     edges: Directions,
 }
 
 impl Votes {
-    /// An even sample of the triangles votes, and among them all that have an area.
+    /// Collects the votes of an even sample of the triangles, skipping those without area.
     fn of<T>(triangles: impl ExactSizeIterator<Item = T>, corners: impl Fn(T) -> [DVec3; 3], voters: usize) -> Votes {
         let step = triangles.len().div_ceil(voters).max(1);
         let mut votes = Votes { normals: Vec::new(), edges: Vec::new() };
@@ -91,8 +92,8 @@ impl Votes {
     }
 }
 
-/// The heaviest clusters of directions, heaviest first, each the mean of its members. Those that began a cluster are
-/// the heaviest single votes, so that few of them need to be tried.
+/// Returns the heaviest clusters of directions, heaviest first, each as the mean of its members. Clusters start from
+/// the heaviest single votes, so that few seeds need to be tried.
 fn dominant(votes: &Directions, count: usize) -> Vec<DVec3> {
     let mut left = Cow::Borrowed(votes);
     let mut found = Vec::new();
@@ -111,7 +112,7 @@ fn dominant(votes: &Directions, count: usize) -> Vec<DVec3> {
     found
 }
 
-/// Of the heaviest votes, no two of them in the same direction, the one with most weight in its direction.
+/// Among the heaviest votes, no two of them in the same direction, returns the one with most weight in its direction.
 fn best_seed(votes: &Directions) -> Option<DVec3> {
     let mut is_tried = vec![false; votes.len()];
     let mut best = None;
@@ -136,12 +137,12 @@ fn same(a: DVec3, b: DVec3) -> bool {
     a.dot(b).abs() > SAME_DIRECTION
 }
 
-/// The votes that lie across an axis, made exactly perpendicular to it.
+/// Returns the votes almost perpendicular to an axis, made exactly perpendicular.
 fn across(votes: &Directions, axis: DVec3) -> Directions {
     projected(votes, axis, ACROSS)
 }
 
-/// The same of all votes that are not nearly along the axis, with what of them lies across it.
+/// Like [`across`], for all votes that are not nearly along the axis, projected onto the plane perpendicular to it.
 fn across_loosely(votes: &Directions, axis: DVec3) -> Directions {
     projected(votes, axis, 0.7)
 }
@@ -151,21 +152,21 @@ fn projected(votes: &Directions, axis: DVec3, most_along: f64) -> Directions {
     votes.iter().filter(lies_across).map(|&(d, w)| ((d - axis * d.dot(axis)).normalize_or(d), w)).collect()
 }
 
-/// The rotation that takes x and z to two directions, of which the second is kept exactly.
+/// Returns the rotation that maps x and z to two directions; the second is kept exactly.
 fn rotation(x: DVec3, z: DVec3) -> DMat3 {
     let x = (x - z * x.dot(z)).normalize_or(z.any_orthonormal_vector());
     let m = DMat3::from_cols(x, z.cross(x), z);
     DMat3::from_cols_array(&m.to_cols_array().map(|c| f64::from(c as f32)))
 }
 
-/// Adds a rotation unless a box cannot tell it from the identity or from one that is there.
+/// Adds a rotation unless its boxes would equal those of the identity or of a rotation already present.
 fn push(found: &mut Vec<DMat3>, rotation: DMat3) {
     if rotation.is_finite() && !is_alike(&DMat3::IDENTITY, &rotation) && !found.iter().any(|f| is_alike(f, &rotation)) {
         found.push(rotation);
     }
 }
 
-/// Whether two rotations have the same axes, but for their order and signs.
+/// Whether two rotations have the same axes, up to order and signs.
 fn is_alike(a: &DMat3, b: &DMat3) -> bool {
     let between = a.transpose() * *b;
     between.to_cols_array_2d().iter().all(|column| column.iter().any(|c| c.abs() > 0.999_999))

@@ -1,38 +1,39 @@
-//! Which objects are better kept out of a group of all: what encloses the rest, and what lies far outside it.
+//! Finds objects that are better kept out of a group of all objects: those that enclose the rest, and those far outside
+//! it.
 //!
-//! In one BLAS a sky dome or a cube at the horizon makes the boxes of the topmost nodes large and empty, and grids by
-//! which builders quantise positions coarse. Where they are objects of their own, they are set apart:
+//! In one BLAS, a sky dome or a cube at the horizon makes the boxes of the topmost nodes large and empty, and the grids
+//! to which builders quantise positions coarse. If they are separate objects, they are isolated:
 //!
 //! - **Outliers.** The core of the scene is the smallest cube around the median of all triangles that holds at least
-//!   [`CORE`] of them, object by object. What lies outside a cube [`FAR`] times as large is an outlier, unless more than
-//!   [`MOST_OUTLIERS`] objects do: then they are no exceptions.
-//! - **Shells**: among the others, the largest first, an object whose box covers at least [`COVERED`] of the box of all that
-//!   are not set apart, by surface area, while it holds few triangles: all shells together at most [`FEW`] of the scene's.
-//!   Sky domes, the walls of a room and large thin objects that overlap everything are such.
+//!   [`CORE`] of them, object by object. Objects outside a cube [`FAR`] times as large are outliers, unless there are
+//!   more than [`MOST_OUTLIERS`] of them: then they are not exceptional.
+//! - **Shells**: among the others, largest first, an object whose box covers at least [`COVERED`] of the box of all
+//!   objects that are not isolated, by surface area, while holding few triangles: all shells together at most [`FEW`]
+//!   of the scene's. Examples are sky domes, the walls of a room and large thin objects that overlap everything.
 //!
-//! Sorting objects takes n log n; boxes take time linear in the triangles stored and the objects.
+//! Sorting n objects takes O(n log n) time; computing boxes takes time linear in the triangles stored and the objects.
 
 use rayon::prelude::*;
 
 use crate::layout::builder::Object;
 use crate::scene::{Bounds, Geometry, Mesh, Scene};
 
-/// Share of the triangles that make up the core of a scene.
+/// Share of the triangles in the core of a scene.
 const CORE: f64 = 0.999;
 
-/// How many times as far from the median as the core reaches an outlier begins.
+/// Outliers start at this many times the distance that the core reaches from the median.
 const FAR: f64 = 4.0;
 
-/// Outliers at most.
+/// Maximum number of outliers.
 const MOST_OUTLIERS: usize = 64;
 
-/// Share of the rest's box, by surface area, that a shell's box covers.
+/// Share of the rest's box that a shell's box covers, by surface area.
 const COVERED: f64 = 0.9;
 
-/// Largest share of the triangles that shells hold.
+/// Maximum share of the triangles in shells.
 const FEW: f64 = 0.01;
 
-/// What is to be set apart, as indices into a list of objects, each list in ascending order.
+/// The objects to isolate, as indices into a list of objects, each list in ascending order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Apart {
     /// Objects that enclose the rest.
@@ -42,20 +43,20 @@ pub(super) struct Apart {
 }
 
 impl Apart {
-    /// Whether nothing is set apart.
+    /// Whether nothing is isolated.
     pub(super) fn is_empty(&self) -> bool {
         self.shells.is_empty() && self.outliers.is_empty()
     }
 }
 
-/// An object's world box and how many triangles it has.
+/// An object's world box and number of triangles.
 #[derive(Clone, Copy)]
 struct Extent {
     bounds: Bounds,
     triangles: usize,
 }
 
-/// What to set apart of some objects. Objects without a finite box stay with the others.
+/// Returns which objects to isolate. Objects without a finite box stay with the others.
 pub(super) fn apart(scene: &Scene, objects: &[Object]) -> Apart {
     let extents = extents(scene, objects);
     let usable = |&i: &usize| !extents[i].bounds.is_empty() && extents[i].bounds.area().is_finite();
@@ -65,8 +66,8 @@ pub(super) fn apart(scene: &Scene, objects: &[Object]) -> Apart {
     Apart { shells: shells(&extents, rest), outliers }
 }
 
-/// Of objects whose mesh is placed once the box of their triangles, of others the box around their transformed box, so that
-/// the work does not grow with the triangles placed.
+/// Returns the boxes of objects: for objects whose mesh is placed once, the box of their triangles; for others, the
+/// world box of their box, so that the work is not proportional to the triangles placed.
 fn extents(scene: &Scene, objects: &[Object]) -> Vec<Extent> {
     let mut uses = vec![0u32; scene.meshes.len()];
     scene.instances.iter().for_each(|i| uses[i.mesh.0 as usize] += 1);
@@ -86,11 +87,11 @@ fn extents(scene: &Scene, objects: &[Object]) -> Vec<Extent> {
     objects.par_iter().map(extent).collect()
 }
 
-/// The outliers among some objects.
+/// Returns the outliers among some objects.
 fn outliers(extents: &[Extent], among: &[usize]) -> Vec<usize> {
     let total: usize = among.iter().map(|&i| extents[i].triangles).sum();
     let middle = glam::DVec3::from([0, 1, 2].map(|axis| median(extents, among, axis, total)));
-    // The largest distance of a coordinate from the median, of the farthest and of the nearest point of a box.
+    // The largest distance of a coordinate from the median, for the farthest and for the nearest point of a box.
     let reach = |i: usize| (extents[i].bounds.max - middle).max(middle - extents[i].bounds.min).max_element();
     let gap = |i: usize| (extents[i].bounds.min - middle).max(middle - extents[i].bounds.max).max_element();
     let mut by_reach = among.to_vec();
@@ -110,7 +111,8 @@ fn outliers(extents: &[Extent], among: &[usize]) -> Vec<usize> {
     outliers
 }
 
-/// The coordinate of the middle triangle when objects are ordered by the middles of their boxes; 0 without triangles.
+/// Returns the coordinate of the middle triangle when objects are ordered by the centres of their boxes; 0 without
+/// triangles.
 fn median(extents: &[Extent], among: &[usize], axis: usize, total: usize) -> f64 {
     let mut middles: Vec<(f64, usize)> =
         among.iter().map(|&i| (extents[i].bounds.center()[axis], extents[i].triangles)).collect();
@@ -123,13 +125,13 @@ fn median(extents: &[Extent], among: &[usize], axis: usize, total: usize) -> f64
     middle.map_or(0.0, |m| m.0)
 }
 
-/// The shells among some objects.
+/// Returns the shells among some objects.
 fn shells(extents: &[Extent], mut among: Vec<usize>) -> Vec<usize> {
     let area = |i: usize| extents[i].bounds.area();
     among.sort_by(|&a, &b| area(b).total_cmp(&area(a)).then(a.cmp(&b)));
     let total: usize = among.iter().map(|&i| extents[i].triangles).sum();
     let mut left = (FEW * total as f64) as usize;
-    // The box of all objects from a place in the order on.
+    // The box of all objects from each place in the order on.
     let mut from: Vec<Bounds> = vec![Bounds::EMPTY; among.len() + 1];
     for (place, &i) in among.iter().enumerate().rev() {
         from[place] = from[place + 1].union(&extents[i].bounds);
@@ -165,7 +167,7 @@ mod tests {
         apart(&scene, &objects(&scene, instances))
     }
 
-    /// Two triangles whose box is a cube of some size around a point.
+    /// Two triangles whose box is a cube of the given size around a point.
     fn open_box(center: Vec3, size: f32) -> Vec<[Vec3; 3]> {
         let [low, high] = [center - 0.5 * size, center + 0.5 * size];
         let at = |x, y, z| Vec3::new(x, y, z);

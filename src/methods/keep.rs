@@ -1,12 +1,12 @@
 //! `keep`: the structure of the input.
 //!
-//! Helps where the author's structure is good already; the other methods are compared with it.
+//! Helps if the author's structure is already good; the other methods are compared with it.
 
 use crate::layout::Layout;
 use crate::layout::builder::Builder;
 use crate::scene::{InstanceId, Scene};
 
-/// Every instance stays as it is.
+/// Keeps each instance unchanged.
 pub(super) fn keep(scene: &Scene) -> Layout {
     let mut layout = Builder::new(scene);
     (0..scene.instances.len() as u32).for_each(|i| layout.keep(InstanceId(i)));

@@ -1,4 +1,4 @@
-//! Methods that make layouts. One method a file, each a pure function of the scene and the options that it heeds.
+//! Layout methods: one per file, each a pure function of the scene and the options it uses.
 
 mod bvh;
 mod cluster;
@@ -28,14 +28,14 @@ use crate::scene::Scene;
 /// The method that chooses a layout.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// The input as it is.
+    /// The input unchanged.
     #[default]
     Keep,
-    /// One group of all that is not pinned.
+    /// One group of everything that is not pinned.
     Single,
-    /// One group for each object and material.
+    /// One group per object and material.
     PerObject,
-    /// Binned SAH on every object.
+    /// Binned SAH on each object.
     Bvh,
     /// Overlap reduction by splitting and merging.
     Overlap,
@@ -48,7 +48,7 @@ impl Method {
     pub const ALL: [Method; 6] =
         [Method::Keep, Method::Single, Method::PerObject, Method::Bvh, Method::Overlap, Method::Cluster];
 
-    /// The name on the command line and in reports.
+    /// Returns the name used on the command line and in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Method::Keep => "keep",
@@ -64,15 +64,15 @@ impl Method {
 /// Runs a method. The layout's triangles are in file order; [`crate::layout::order_by_tree`] sorts them.
 ///
 /// # Panics
-/// In debug builds, if the layout does not hold every placed triangle exactly once ([`Layout::check`]).
+/// In debug builds, if the layout does not hold each placed triangle exactly once ([`Layout::check`]).
 pub fn run(method: Method, scene: &Scene, options: &Options) -> Layout {
     run_with(&mut Cache::default(), method, scene, options)
 }
 
-/// As [`run`], several times over the same scene, whose instances may be pinned in between.
+/// Like [`run`], for several runs over the same scene, whose instances may be pinned in between.
 ///
 /// # Panics
-/// As [`run`].
+/// Like [`run`].
 pub fn run_with(cache: &mut Cache, method: Method, scene: &Scene, options: &Options) -> Layout {
     let Options { instances, parts, single, bvh, overlap, cluster } = options;
     let layout = match method {

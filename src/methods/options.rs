@@ -1,24 +1,24 @@
-//! What methods may be told: options of each method, and those that several share.
+//! Options of methods: those of each method, and those that several share.
 
 use std::sync::Arc;
 
 use crate::cost::segments::Segment;
 use crate::cost::two_level::INSTANCE_ENTRY;
 
-/// What a method does with the instances of a mesh that several place.
+/// How a method treats the instances of a mesh that several instances place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Instances {
-    /// All instances of a mesh are baked or all stay, the cheapest meshes first, as
-    /// [`InstanceOptions::max_bytes_ratio`] allows.
+    /// Either all instances of a mesh are baked or all stay, cheapest meshes first, within
+    /// [`InstanceOptions::max_bytes_ratio`].
     #[default]
     BakeOrKeep,
     /// For each mesh and instance: keep it, open it into pieces of its mesh that all opened instances share, or bake
-    /// it; whatever is predicted to cost least within [`InstanceOptions::max_bytes_ratio`].
+    /// it, whichever has the least predicted cost within [`InstanceOptions::max_bytes_ratio`].
     Choose,
 }
 
-/// The options of all methods. Ratios run from 0 to 1 unless said otherwise.
+/// The options of all methods. Ratios range from 0 to 1 unless stated otherwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Options {
@@ -26,30 +26,31 @@ pub struct Options {
     pub instances: InstanceOptions,
     /// `single`, `cluster`: triangles that must not share a group.
     pub parts: PartOptions,
-    /// `single` alone.
+    /// `single` only.
     pub single: SingleOptions,
-    /// `bvh` alone.
+    /// `bvh` only.
     pub bvh: BvhOptions,
-    /// `overlap` alone.
+    /// `overlap` only.
     pub overlap: OverlapOptions,
-    /// `cluster` alone, and `single` in a frame of its own where bounds divide it.
+    /// `cluster` only, and `single` in a frame of its own if bounds divide it.
     pub cluster: ClusterOptions,
 }
 
-/// What is done with instances, and what they cost.
+/// How instances are treated, and what they cost.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct InstanceOptions {
-    /// What is done with instances of shared meshes.
+    /// How instances of shared meshes are treated.
     pub shared: Instances,
-    /// [`Instances::Choose`]: the number of pieces that meshes are opened into, for all instances that are not baked or for
-    /// none. `None`: what is predicted to cost least, for those instances for which it gains most.
+    /// [`Instances::Choose`]: the number of pieces that meshes are opened into, applied to all instances that are not
+    /// baked or to none. `None`: whatever has the least predicted cost, applied to the instances that gain most.
     pub pieces: Option<u32>,
-    /// Predicted BLAS and TLAS bytes allowed over the input's; instances stay instanced beyond it. `None`: no limit.
+    /// Maximum predicted BLAS and TLAS bytes relative to the input's; beyond it, instances stay instanced. `None`: no
+    /// limit.
     pub max_bytes_ratio: Option<f64>,
     /// [`Instances::Choose`], `cluster`: the cost of entering an instance, in node-traversal steps.
     pub entry_cost: f64,
-    /// [`Instances::Choose`], `cluster`: whether groups may be stored in frames of their own.
+    /// [`Instances::Choose`], `cluster`: whether groups may be stored in their own frames.
     pub frames: bool,
 }
 
@@ -65,15 +66,15 @@ impl Default for InstanceOptions {
     }
 }
 
-/// Which triangles get groups of their own.
+/// Which triangles get their own groups.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PartOptions {
-    /// Objects that enclose the rest, or lie far outside it.
+    /// Objects that enclose the rest or lie far outside it.
     pub isolate: bool,
     /// Triangles that are not opaque.
     pub split_opacity: bool,
-    /// `cluster`: no group holds two geometries, for consumers that build one BLAS per primitive.
+    /// `cluster`: each group holds only one geometry, for consumers that build one BLAS per primitive.
     pub(crate) one_geometry_per_group: bool,
 }
 
@@ -81,7 +82,8 @@ pub struct PartOptions {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SingleOptions {
-    /// In the frame that fits all of it best, if frames are allowed. What exceeds the bounds of [`ClusterOptions`] is divided.
+    /// Stores it in the frame that fits all of it best, if frames are allowed. Groups that exceed the bounds of
+    /// [`ClusterOptions`] are divided.
     pub(crate) turned: bool,
 }
 
@@ -89,10 +91,10 @@ pub struct SingleOptions {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct BvhOptions {
-    /// Tree nodes allowed over triangles of the scene (thesis: 1e-3).
+    /// Node budget relative to the triangles of the scene (thesis: 1e-3).
     pub nodes_per_triangle_ratio: f64,
-    /// A node whose box area over the scene's is smaller than this is not split. The thesis does not name it: it only
-    /// stops a division whose node budget is ample.
+    /// Nodes whose box area relative to the scene's is smaller than this are not split. The thesis gives no value; it
+    /// only stops a division with an ample node budget.
     pub min_area_ratio: f64,
     /// Objects with at most this many triangles are not split (thesis: 8).
     pub min_triangles: usize,
@@ -108,14 +110,16 @@ impl Default for BvhOptions {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct OverlapOptions {
-    /// Pairs whose overlap area over the scene box's area is at most this are left alone (thesis: 0.005).
+    /// Pairs whose overlap area relative to the scene box's area is at most this are left alone (thesis: 0.005).
     pub skip_overlap_ratio: f64,
-    /// Pairs whose overlap over their union is below this are split, others merged (thesis: 0.5).
+    /// Pairs whose overlap area relative to the area of their union is below this are split, others merged (thesis:
+    /// 0.5).
     pub split_or_merge_ratio: f64,
-    /// Pairs whose overlap over their union is below this are split in the middle, others at the overlap. The thesis does
-    /// not name it; half of `split_or_merge_ratio`, since the overlap that remains hardly depends on it.
+    /// Pairs whose overlap area relative to the area of their union is below this are split in the middle, others at
+    /// the overlap. The thesis gives no value; the default is half of `split_or_merge_ratio`, because the remaining
+    /// overlap hardly depends on it.
     pub split_ratio: f64,
-    /// Done when the overlap ratio of the scene falls below this. The thesis does not name it; it is off.
+    /// Stop when the overlap ratio of the scene falls below this. The thesis gives no value; it is off by default.
     pub termination_overlap_ratio: f64,
     /// Objects with at most this many triangles are not split (thesis: 8).
     pub min_triangles: usize,
@@ -133,17 +137,17 @@ impl Default for OverlapOptions {
     }
 }
 
-/// What the groups of `cluster` may be.
+/// Constraints on the groups of `cluster`.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ClusterOptions {
-    /// A part of fewer triangles gets no frame of its own.
+    /// Parts with fewer triangles do not get their own frame.
     pub min_turned_triangles: u32,
-    /// Most triangles of a group. `None`: no limit.
+    /// Maximum number of triangles per group. `None`: no limit.
     pub max_group_triangles: Option<u32>,
-    /// Longest side of a group's box over the longest side of the box of all. `None`: no limit.
+    /// Maximum longest side of a group's box relative to the longest side of the box of all. `None`: no limit.
     pub max_group_extent_ratio: Option<f64>,
-    /// How groups are looked for.
+    /// How to search for groups.
     pub(crate) search: ClusterSearch,
 }
 
@@ -159,19 +163,19 @@ impl Default for ClusterOptions {
 }
 
 impl ClusterOptions {
-    /// Whether groups are bounded.
+    /// Whether group sizes are bounded.
     pub fn is_bounded(&self) -> bool {
         self.max_group_triangles.is_some() || self.max_group_extent_ratio.is_some()
     }
 }
 
-/// How `cluster` looks for groups.
+/// How `cluster` searches for groups.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ClusterSearch {
-    /// Rays as far as they go, in the world; groups are chosen by which boxes these meet. `None`, or none: by the areas of
+    /// Ray segments in world space; groups are chosen by the boxes that these meet. `None` or empty: by the areas of
     /// boxes.
     pub(crate) segments: Option<Arc<[Segment]>>,
-    /// Whether what stays in one frame may be divided if no bound asks for it.
+    /// Whether triangles in one frame may be divided without a bound that requires it.
     pub(crate) divide: bool,
     /// Whether connected components and objects may leave as a whole.
     pub(crate) units: bool,

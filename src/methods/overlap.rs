@@ -1,24 +1,25 @@
 //! `overlap`: splits and merges objects until their boxes overlap little.
 //!
 //! T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical University in Prague, 2024, listing 4.1:
-//! in every round a queue of all pairs that overlap, the largest overlap first. What becomes of a pair depends on the
-//! area of its overlap over the area of the box around both: little, both are split in the middle; more, both are
-//! split at the overlap and the parts inside it merge; most of it, both merge. No object takes part twice in a round.
+//! each round processes a queue of all overlapping pairs, largest overlap first. The treatment of a pair depends on the
+//! area of its overlap relative to the area of the box around both: if small, both are split in the middle; if larger,
+//! both are split at the overlap and the parts inside it merge; if most of it, both merge. An object takes part at most
+//! once per round.
 //!
-//! Helps where objects are hollow or pierce each other; hurts where long triangles stick out of every piece.
+//! Helps if objects are hollow or intersect each other; hurts if long triangles stick out of each piece.
 //!
-//! Where the thesis leaves a choice, or its letter raises the overlap or goes round in circles:
+//! Where the thesis leaves a choice, or following it literally raises the overlap or never ends:
 //! - Objects that merge form a mesh group in which each keeps its material. Such a group is never divided again.
-//!   Since objects can only be divided as often as they have triangles, and only merge as often as there are objects,
-//!   the rounds come to an end.
-//! - An object that cannot be divided (a mesh group, one of few triangles, one whose centroids are all equal) takes
-//!   part undivided: in the middle branch all of it merges with what the other object has inside the overlap. A pair
-//!   of two such objects is passed over unless they merge.
-//! - An object with all triangles or none inside the overlap is split in the middle, and nothing of it merges.
-//! - The layout of the round with the least overlap wins, and only if it lowers that of the input (whose instances may
-//!   hold several objects each), so that no scene ends with more than it began with.
+//!   Objects can only be divided as often as they have triangles, and can only merge as often as there are objects, so
+//!   the rounds terminate.
+//! - An object that cannot be divided (a mesh group, one with few triangles, one whose centroids are all equal) takes
+//!   part undivided: in the middle branch, all of it merges with the other object's part inside the overlap. A pair of
+//!   two such objects is skipped unless they merge.
+//! - An object with all or none of its triangles inside the overlap is split in the middle, and nothing of it merges.
+//! - The layout of the round with the least overlap wins, but only if it lowers that of the input (whose instances may
+//!   hold several objects each), so the overlap of a scene never increases.
 //!
-//! Overlaps are held against the box of the whole scene, and the ratio counts instances that stay as they are.
+//! Overlaps are relative to the box of the whole scene, and the ratio includes instances that stay unchanged.
 
 use rayon::prelude::*;
 
@@ -30,13 +31,14 @@ use crate::methods::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, lo
 use crate::methods::{InstanceOptions, OverlapOptions};
 use crate::scene::{Bounds, Scene};
 
-/// Rounds after which the best layout so far is taken. Scenes of a thousand objects take about a hundred.
+/// Maximum number of rounds, after which the best layout so far is taken. Scenes of a thousand objects take about a
+/// hundred.
 const MOST_ROUNDS: usize = 256;
 
-/// Pairs that one round may queue; where more could be found, only the objects with the largest boxes take part.
+/// Maximum number of pairs queued per round; if there could be more, only the objects with the largest boxes take part.
 const MOST_PAIRS: usize = 1 << 21;
 
-/// As many objects cannot form more than [`MOST_PAIRS`] pairs.
+/// This many objects cannot form more than [`MOST_PAIRS`] pairs.
 const FEW_OBJECTS: usize = 1 << 11;
 
 /// Splits and merges objects to lower the overlap ratio.
@@ -60,7 +62,7 @@ pub(super) fn overlap(scene: &Scene, instances: &InstanceOptions, options: &Over
 /// An object, a part of one, or a mesh group.
 #[derive(Clone, Debug)]
 struct Body {
-    /// What it consists of; more than one piece only in a mesh group.
+    /// Its pieces; more than one only in a mesh group.
     pieces: Vec<Piece>,
     bounds: Bounds,
     divisible: bool,
@@ -70,17 +72,17 @@ struct Body {
 struct Reduction<'a> {
     pieces: Pieces<'a>,
     options: &'a OverlapOptions,
-    /// All bodies there ever were.
+    /// All bodies ever created.
     bodies: Vec<Body>,
-    /// Those that make up the scene now.
+    /// Those that currently make up the scene.
     live: Vec<usize>,
 }
 
-/// Two bodies to be processed.
+/// Two bodies to process.
 struct Task {
     /// Indices into [`Reduction::live`].
     places: [usize; 2],
-    /// Surface area of what their boxes have in common.
+    /// Surface area of the intersection of their boxes.
     area: f64,
 }
 
@@ -92,7 +94,7 @@ impl<'a> Reduction<'a> {
         Reduction { pieces, options, live: (0..bodies.len()).collect(), bodies }
     }
 
-    /// Runs the rounds; gives the pieces of each body of the best one, and its overlap ratio.
+    /// Runs the rounds; returns the pieces of each body of the best one, and its overlap ratio.
     fn least_overlap(&mut self) -> (Vec<Vec<Piece>>, f64) {
         let (mut best, mut least) = (self.live.clone(), f64::INFINITY);
         for _ in 0..MOST_ROUNDS {
@@ -112,7 +114,7 @@ impl<'a> Reduction<'a> {
         overlap::ratio(&live.chain(self.pieces.others.iter().copied()).collect::<Vec<_>>())
     }
 
-    /// One pass through the queue; whether anything changed.
+    /// Makes one pass through the queue; returns whether anything changed.
     fn round(&mut self, overlap_ratio: f64) -> bool {
         let mut dirty = vec![false; self.live.len()];
         let mut successors = Vec::new();
@@ -131,12 +133,12 @@ impl<'a> Reduction<'a> {
         !successors.is_empty()
     }
 
-    /// The pairs that overlap enough, the largest overlap first, then in the order of the bodies.
+    /// Returns the pairs that overlap enough, largest overlap first, ties in the order of the bodies.
     fn queue(&self, overlap_ratio: f64) -> Vec<Task> {
         let min_ratio = self.options.skip_overlap_ratio.max(0.0);
         let bounds_at = |place: usize| self.bodies[self.live[place]].bounds;
         let mut places: Vec<usize> = (0..self.live.len()).collect();
-        // No more pairs than this can each have their share of the overlap.
+        // Upper bound on the number of pairs that can each exceed the minimum share of the overlap.
         let pairs_at_most = overlap_ratio / min_ratio;
         if places.len() > FEW_OBJECTS && pairs_at_most > MOST_PAIRS as f64 {
             places.sort_by(|&a, &b| bounds_at(b).area().total_cmp(&bounds_at(a).area()));
@@ -150,7 +152,7 @@ impl<'a> Reduction<'a> {
         pairs.into_iter().map(task).collect()
     }
 
-    /// What two overlapping bodies become; `None` if they stay as they are.
+    /// Returns the bodies that replace two overlapping bodies; `None` if they stay unchanged.
     fn process(&mut self, pair: [usize; 2], area: f64) -> Option<Vec<usize>> {
         let [a, b] = pair.map(|body| self.bodies[body].bounds);
         let pair_overlap_ratio = area / a.union(&b).area();
@@ -183,14 +185,14 @@ impl<'a> Reduction<'a> {
         Some([inside, a.outside, b.outside].concat())
     }
 
-    /// Joins two bodies to a mesh group.
+    /// Joins two bodies into a mesh group.
     fn merge(&mut self, pair: [usize; 2]) -> usize {
         let [a, b] = pair.map(|body| self.baked_bounds(body));
         let pieces = pair.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
         self.push(Body { pieces, bounds: a.union(&b), divisible: false })
     }
 
-    /// The box of a body once it cannot stay as it is in the input.
+    /// Returns the box of a body once it cannot stay as it is in the input.
     fn baked_bounds(&self, body: usize) -> Bounds {
         match *self.bodies[body].pieces {
             [object] if self.pieces.is_whole(object) => self.pieces.baked_bounds(object),
@@ -198,7 +200,7 @@ impl<'a> Reduction<'a> {
         }
     }
 
-    /// Divides a body into what lies inside a box and what lies outside.
+    /// Divides a body into its parts inside and outside a box.
     fn cut(&mut self, body: usize, common: &Bounds) -> Cut {
         let [min, max] = [common.min, common.max].map(|p| self.pieces.seen_from_middle(p));
         let is_inside = |item: &Item| item.centroid.cmpge(min).all() && item.centroid.cmple(max).all();
@@ -228,8 +230,8 @@ impl<'a> Reduction<'a> {
         halves
     }
 
-    /// Divides a body into the triangles for which `is_first` holds and the others; `None` if it must not be divided
-    /// or if one of them would be empty.
+    /// Divides a body into the triangles for which `is_first` holds and the others; `None` if it must not be divided or
+    /// if one part would be empty.
     fn divide(&mut self, body: usize, is_first: impl Fn(&Item) -> bool) -> Option<[usize; 2]> {
         let piece = self.divisible_piece(body)?;
         let parts = self.pieces.divide(piece, is_first);
@@ -241,7 +243,7 @@ impl<'a> Reduction<'a> {
         })
     }
 
-    /// The triangles of a body that may be divided.
+    /// Returns the triangles of a body that may be divided.
     fn divisible_piece(&mut self, body: usize) -> Option<Piece> {
         match &self.bodies[body] {
             Body { divisible: true, pieces, .. } => {
@@ -259,11 +261,11 @@ impl<'a> Reduction<'a> {
     }
 }
 
-/// A body as an overlap divides it.
+/// A body divided by an overlap.
 struct Cut {
-    /// What is to merge.
+    /// The part to merge.
     inside: Option<usize>,
-    /// What stays apart; nothing if the body cannot be divided.
+    /// The parts that stay separate; empty if the body cannot be divided.
     outside: Vec<usize>,
 }
 
@@ -295,7 +297,7 @@ mod tests {
         overlap::ratio(&placed_bounds(scene, layout))
     }
 
-    /// The ratio before anything is done.
+    /// The overlap ratio before any change.
     fn ratio_before(scene: &Scene) -> f64 {
         overlap_ratio(
             scene,
@@ -307,7 +309,7 @@ mod tests {
         triangles.into_iter().map(|t| t.map(|p| p + by)).collect()
     }
 
-    /// A square of `n` by `n` small triangles, a unit apart.
+    /// A square of `n` by `n` small triangles, one unit apart.
     fn field(corner: Vec3, n: usize) -> Vec<[Vec3; 3]> {
         (0..n).flat_map(|y| row(corner + Vec3::Y * y as f32, n)).collect()
     }

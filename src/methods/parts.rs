@@ -1,5 +1,6 @@
-//! Parts of what may be restructured that must not share a group: what is set apart ([`isolate`](super::isolate)), what
-//! rays pass through, and, where a consumer builds one BLAS a primitive, what cannot share a geometry.
+//! Parts of restructured triangles that must not share a group: isolated objects ([`isolate`](super::isolate)),
+//! triangles that rays can pass through, and, if a consumer builds one BLAS per primitive, triangles that cannot share
+//! a geometry.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +12,14 @@ use crate::scene::{InstanceId, Opacity, Scene};
 
 /// Objects that may share a group.
 pub(super) struct Part {
-    /// What they are, for people.
+    /// A name for people to read.
     pub(super) name: String,
     /// The objects, in the order of the scene.
     pub(super) objects: Vec<Object>,
 }
 
-/// Objects divided as the options demand: the others first, then shells, then outliers, each by itself; of each, what is
-/// opaque comes first. One part, named `scene`, where nothing is to be divided; none is empty.
+/// Divides objects as the options require: first the rest, then shells, then outliers, each on its own; within each,
+/// opaque triangles come first. Returns one part, named `scene`, if there is nothing to divide; no part is empty.
 pub(super) fn parts(scene: &Scene, instances: &[InstanceId], options: &PartOptions) -> Vec<Part> {
     let all = Part { name: "scene".to_owned(), objects: objects(scene, instances.iter().copied()) };
     let mut parts = if options.isolate { isolated(scene, all) } else { vec![all] };
@@ -41,12 +42,12 @@ pub(super) fn bake_part(scene: &Scene, part: &Part, layout: &mut Builder) {
     layout.bake(part.name.clone(), geometries);
 }
 
-/// Whether isolation does anything.
+/// Whether isolation has any effect.
 pub fn isolates(scene: &Scene) -> bool {
     !apart(scene, &free_objects(scene)).is_empty()
 }
 
-/// Whether there are both opaque triangles and others that may be restructured.
+/// Whether restructurable triangles include both opaque ones and others.
 pub fn opacities_differ(scene: &Scene) -> bool {
     let objects = free_objects(scene);
     let opaque = |o: &Object| o.geometry(scene).opacity == Opacity::Opaque;
@@ -74,7 +75,7 @@ fn by_opacity(scene: &Scene, part: Part) -> [Part; 2] {
     [Part { name: part.name.clone(), objects: opaque }, Part { name: part.name + ", not opaque", objects: others }]
 }
 
-/// By what may share a geometry, in the order of materials.
+/// Divides by what may share a geometry, in material order.
 fn by_key(scene: &Scene, part: Part) -> Vec<Part> {
     let mut by_key: BTreeMap<GeometryKey, Vec<Object>> = BTreeMap::new();
     for object in part.objects {
@@ -92,7 +93,7 @@ mod tests {
     use glam::{DAffine3, Vec3};
     use proptest::prelude::*;
 
-    /// Materials 1 and up are not opaque.
+    /// Makes materials 1 and up not opaque.
     fn with_opacities(mut scene: Scene) -> Scene {
         for geometry in scene.meshes.iter_mut().flat_map(|m| &mut m.geometries) {
             geometry.opacity = match geometry.material {
@@ -104,7 +105,7 @@ mod tests {
         scene
     }
 
-    /// Of every group of placed triangles its geometries.
+    /// Returns the geometries of each group of placed triangles.
     fn baked(layout: &Layout) -> impl Iterator<Item = &[GroupGeometry]> {
         layout.groups.iter().filter_map(|g| match &g.content {
             Content::Baked { geometries, .. } => Some(geometries.as_slice()),
@@ -123,7 +124,7 @@ mod tests {
         with_opacities(builder.scene())
     }
 
-    /// All that the user may set apart.
+    /// Everything that the user can separate.
     const APART: PartOptions = PartOptions { isolate: true, split_opacity: true, one_geometry_per_group: false };
 
     fn told(parts: PartOptions) -> Options {

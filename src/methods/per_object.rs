@@ -1,12 +1,12 @@
 //! `per-object`: the thesis's "GAS per object".
 //!
-//! Helps where objects are small and apart; hurts where one object lies inside the box of another.
+//! Helps if objects are small and separate; hurts if one object lies inside the box of another.
 
 use crate::layout::Layout;
 use crate::layout::builder::{Builder, objects};
 use crate::scene::{InstanceId, Scene};
 
-/// One group for each geometry of each mesh, placed by all instances of that mesh; pinned instances stay as they are.
+/// Creates one group per geometry of each mesh, placed by all instances of that mesh; pinned instances stay unchanged.
 pub(super) fn per_object(scene: &Scene) -> Layout {
     let mut layout = Builder::new(scene);
     for (i, instance) in scene.instances.iter().enumerate() {

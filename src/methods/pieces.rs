@@ -1,7 +1,7 @@
-//! Objects being divided into pieces: what `bvh` and `overlap` work on.
+//! Objects divided into pieces, for `bvh` and `overlap`.
 //!
-//! A triangle takes 64 bytes, and only from the moment its object is divided first. Dividing permutes triangles within
-//! the range that is divided, so that every piece there ever was stays valid.
+//! A triangle takes 64 bytes, but only once its object is first divided. Dividing permutes triangles within the divided
+//! range, so all earlier pieces stay valid.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,19 +14,19 @@ use crate::methods::instancing::Selection;
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Geometry, Scene, TriangleRef};
 
-/// A triangle as far as dividing needs it.
+/// The properties of a triangle that dividing needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Item {
     /// Its box in world coordinates.
     pub(super) bounds: Bounds,
-    /// Mean of the corners, seen from the middle of the scene ([`Pieces::seen_from_middle`]), where single precision is
-    /// enough to choose a side.
+    /// Mean of the corners relative to the middle of the scene ([`Pieces::seen_from_middle`]), where single precision
+    /// is enough to choose a side.
     pub(super) centroid: Vec3,
-    /// Triangle of the object's mesh.
+    /// Index of the triangle in the object's mesh.
     triangle: u32,
 }
 
-/// Triangles that one task goes through.
+/// Triangles per task.
 pub(super) const CHUNK: usize = 1 << 14;
 
 /// A run of an object's triangles.
@@ -39,7 +39,7 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    /// Triangles in it.
+    /// Returns the number of triangles.
     pub(super) fn len(&self) -> usize {
         self.range().len()
     }
@@ -49,7 +49,7 @@ impl Piece {
     }
 }
 
-/// The objects that a method restructures, and the box of the scene.
+/// The objects that a method restructures, and the scene's box.
 pub(super) struct Pieces<'a> {
     scene: &'a Scene,
     objects: Vec<Object>,
@@ -59,18 +59,18 @@ pub(super) struct Pieces<'a> {
     items: Vec<Vec<Item>>,
     /// The box of each object.
     bounds: Vec<Bounds>,
-    /// Boxes of the instances that stay.
+    /// Boxes of the instances that stay unchanged.
     pub(super) others: Vec<Bounds>,
-    /// Surface area of the box of the scene.
+    /// Surface area of the scene's box.
     pub(super) scene_area: f64,
     middle: DVec3,
 }
 
 impl<'a> Pieces<'a> {
-    /// The objects of the selected instances.
+    /// Collects the objects of the selected instances.
     ///
-    /// The box of an object is that with which it would be placed undivided: the transformed box of its geometry
-    /// where it can stay as it is, the box of its transformed triangles where it is baked.
+    /// The box of an object is the one with which it would be placed undivided: the transformed box of its geometry if
+    /// it can stay unchanged, the box of its transformed triangles if it is baked.
     pub(super) fn new(scene: &'a Scene, selection: &Selection) -> Self {
         let objects = objects(scene, selection.baked());
         let mut uses = vec![0u32; scene.meshes.len()];
@@ -93,23 +93,23 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    /// A point in world coordinates as centroids are stored.
+    /// Returns a world-space point in the coordinates of the stored centroids.
     pub(super) fn seen_from_middle(&self, point: DVec3) -> Vec3 {
         (point - self.middle).as_vec3()
     }
 
-    /// Every object as one piece, with its box.
+    /// Returns each object as one piece, with its box.
     pub(super) fn whole(&self) -> Vec<(Piece, Bounds)> {
         let whole = |object: u32| Piece { object, start: 0, end: self.triangle_count(object) };
         (0u32..).zip(&self.bounds).map(|(object, &bounds)| (whole(object), bounds)).collect()
     }
 
-    /// The triangles of a piece of an object that [`Pieces::load`] was called for.
+    /// Returns the triangles of a piece; [`Pieces::load`] must have been called for its object.
     pub(super) fn items(&self, piece: Piece) -> &[Item] {
         &self.items[piece.object as usize][piece.range()]
     }
 
-    /// Reads the triangles of a piece's object, if that has not been done.
+    /// Reads the triangles of a piece's object unless they were already read.
     pub(super) fn load(&mut self, piece: Piece) {
         let at = piece.object as usize;
         if self.items[at].is_empty() {
@@ -124,7 +124,7 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    /// The box around the triangles of a piece as they are when they are baked.
+    /// Returns the box around the triangles of a piece when baked.
     pub(super) fn baked_bounds(&self, piece: Piece) -> Bounds {
         match self.items[piece.object as usize].get(piece.range()) {
             Some(items) => bounds_of(items),
@@ -139,9 +139,8 @@ impl<'a> Pieces<'a> {
         [Piece { end: middle, ..piece }, Piece { start: middle, ..piece }]
     }
 
-    /// Adds groups to a layout, each given by the pieces it is made of; every triangle of the objects must be in one
-    /// of them. An object that is a group of its own stays a mesh or piece of the input where no other instance
-    /// shares its mesh.
+    /// Adds groups to a layout, each given by its pieces; each triangle of the objects must be in exactly one of them.
+    /// An object that forms a group by itself stays a mesh or piece of the input if no other instance shares its mesh.
     pub(super) fn emit(&self, groups: &[Vec<Piece>], layout: &mut Builder) {
         let mut numbers = vec![0u32; self.objects.len()];
         for group in groups {
@@ -154,7 +153,7 @@ impl<'a> Pieces<'a> {
         }
     }
 
-    /// Whether a piece is all of its object.
+    /// Whether a piece is its whole object.
     pub(super) fn is_whole(&self, piece: Piece) -> bool {
         piece.len() == self.triangle_count(piece.object) as usize
     }
@@ -194,12 +193,12 @@ impl Item {
     }
 }
 
-/// The box around triangles.
+/// Returns the box around triangles.
 pub(super) fn bounds_of(items: &[Item]) -> Bounds {
     union_of(items, |item| item.bounds)
 }
 
-/// The box around the centroids of triangles, as they are stored.
+/// Returns the box around the stored centroids of triangles.
 pub(super) fn centroid_bounds(items: &[Item]) -> Bounds {
     union_of(items, |item| Bounds { min: item.centroid.as_dvec3(), max: item.centroid.as_dvec3() })
 }
@@ -209,13 +208,13 @@ fn union_of(items: &[Item], bounds: impl Fn(&Item) -> Bounds + Sync) -> Bounds {
     items.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
 }
 
-/// The axis of the longest edge of a box, the first among equals.
+/// Returns the axis of the longest edge of a box; the first one wins ties.
 pub(super) fn longest_axis(bounds: &Bounds) -> usize {
     let size = bounds.size();
     if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) }
 }
 
-/// Moves the items for which `is_left` holds before the others; gives their number.
+/// Moves the items for which `is_left` holds before the others; returns their number.
 fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
     let (mut left, mut right) = (0, items.len());
     while left < right {
@@ -229,7 +228,7 @@ fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
     left
 }
 
-/// The box with which an object is placed undivided.
+/// Returns the box with which an object is placed undivided.
 fn placed_bounds(scene: &Scene, object: Object, baked: bool) -> Bounds {
     if baked {
         Bounds::of(object.triangles(scene).flat_map(|at| scene.world_corners(at)))
@@ -239,7 +238,7 @@ fn placed_bounds(scene: &Scene, object: Object, baked: bool) -> Bounds {
     }
 }
 
-/// The box of a geometry, in the coordinates of its mesh.
+/// Returns the box of a geometry, in mesh coordinates.
 fn geometry_bounds(geometry: &Geometry) -> Bounds {
     Bounds::of((0..geometry.triangles.len()).flat_map(|t| geometry.corners(t)).map(|p| p.as_dvec3()))
 }

@@ -1,4 +1,4 @@
-//! Names of layouts that are looked at.
+//! Names of candidate layouts.
 
 use std::fmt::{Display, Formatter, Result};
 
@@ -6,47 +6,47 @@ use serde::{Serialize, Serializer};
 
 use super::Method;
 
-/// Which layout: that of a plan, as it was refined, along which axes.
+/// Identifies a layout: the plan, its refinement, and the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanId {
     method: Method,
-    /// The plan's name among those of the method; no other plan has it.
+    /// The plan's name, unique among all plans.
     plan: &'static str,
     /// The entry cost that replaces the plan's.
     refined_entry_cost: Option<f64>,
-    /// How the axes of what is stored are turned; 0: not at all.
+    /// Number of the rotation of the stored axes; 0 is the identity.
     axes: u8,
 }
 
 impl PlanId {
-    /// A plan of a method, by a name that no other plan has.
+    /// Creates the id of a method's plan; the name must be unique.
     pub const fn new(method: Method, plan: &'static str) -> PlanId {
         PlanId { method, plan, refined_entry_cost: None, axes: 0 }
     }
 
-    /// The same plan with another entry cost.
+    /// Returns the same plan with a different entry cost.
     pub fn refined(self, entry_cost: f64) -> PlanId {
         PlanId { refined_entry_cost: Some(entry_cost), ..self }
     }
 
-    /// The same layout along other axes.
+    /// Returns the same layout along other axes.
     pub fn along(self, axes: u8) -> PlanId {
         PlanId { axes, ..self }
     }
 
-    /// The method.
+    /// Returns the method.
     pub fn method(self) -> Method {
         self.method
     }
 
-    /// Whether it is the input as it is.
+    /// Whether this is the unchanged input.
     pub fn is_input(self) -> bool {
         self.method == Method::Keep
     }
 }
 
 impl From<Method> for PlanId {
-    /// A method with its options as they are.
+    /// Creates the id of a method with unchanged options.
     fn from(method: Method) -> PlanId {
         PlanId::new(method, method.name())
     }

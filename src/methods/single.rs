@@ -1,7 +1,7 @@
 //! `single`: the thesis's "single GAS".
 //!
-//! Helps static scenes whose objects overlap, as the driver's builder sees all triangles at once; hurts where many
-//! instances share a mesh, as each copy is stored, and cannot follow the frames of turned objects.
+//! Helps static scenes whose objects overlap, because the driver's builder sees all triangles at once; hurts if many
+//! instances share a mesh, because each copy is stored, and it cannot follow the frames of rotated objects.
 
 use crate::layout::Layout;
 use crate::layout::builder::{Builder, Geometries, objects};
@@ -10,10 +10,10 @@ use crate::methods::parts::{bake_part, parts};
 use crate::methods::{InstanceOptions, PartOptions};
 use crate::scene::{InstanceId, Scene};
 
-/// One group of all instances that are not pinned, with one geometry for each material, ordered by material. A
-/// material whose primitives differ in their vertex attributes gets one geometry for each kind. A lone instance
-/// needs no baking: it stays, with its geometries joined in the same way. What is set apart and what is not opaque
-/// become further groups where the options ask for it.
+/// Creates one group of all instances that are not pinned, with one geometry per material, ordered by material. A
+/// material whose primitives differ in their vertex attributes gets one geometry per set of attributes. A lone instance
+/// needs no baking: it stays, with its geometries joined in the same way. Isolated and non-opaque triangles get further
+/// groups if the options say so.
 pub(super) fn single(scene: &Scene, instances: &InstanceOptions, options: &PartOptions) -> Layout {
     bake_within_limits(scene, instances, |bake| {
         let mut layout = Builder::new(scene);

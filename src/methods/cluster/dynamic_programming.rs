@@ -1,8 +1,8 @@
-//! The dynamic programme that cuts a tree into groups.
+//! Dynamic programming that cuts a tree into groups.
 //!
-//! Every node of the tree is, at the least predicted cost, one of three things: a node of the TLAS, above the groups; the
-//! root of a group; a node within one. A part of a group may leave it for a frame of its own. Costs are those of
-//! [`crate::cost::two_level`], found from the bottom up.
+//! At the least predicted cost, each node of the tree is either a node of the TLAS above the groups, the root of a
+//! group, or a node within one. A part of a group may leave it for a frame of its own. Costs are those of
+//! [`crate::cost::two_level`], computed from the bottom up.
 
 use super::Limits;
 use super::facts::{Facts, Own};
@@ -13,7 +13,7 @@ use crate::tree::Tree;
 /// A group: items of the tree, and the frame they are stored in.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
-    /// In tree order.
+    /// Items in tree order.
     pub(super) items: Vec<u32>,
     pub(super) frame: Turned,
 }
@@ -22,29 +22,29 @@ pub(super) struct Group {
 pub(super) struct Known<'a> {
     pub(super) tree: &'a Tree,
     pub(super) facts: &'a [Facts],
-    /// For every node a frame of its own, where one fits better.
+    /// For each node, a frame of its own if one fits better.
     pub(super) own: &'a [Option<Box<Own>>],
     /// The frame of the tree.
     pub(super) base: Turned,
 }
 
-/// Costs of a node in squared units, and what is done for them.
+/// Costs of a node in squared units, and the choices that lead to them.
 #[derive(Clone, Copy, Debug)]
 struct Decision {
-    /// Within a group.
+    /// Cost within a group.
     inside: f64,
-    /// Above groups or at the root of one.
+    /// Cost above groups or at the root of one.
     outside: f64,
-    /// Whether it leaves the group that it is in.
+    /// Whether the node leaves the group that contains it.
     leaves: bool,
     at_top: AtTop,
 }
 
-/// Cuts a tree that is too large for one group by taking as little off it as will do: one group stays in the frame of
-/// the tree, and parts leave it as they are; gives them and the cost. `None` where that cannot be done.
+/// Cuts a tree that is too large for one group by removing as little as possible: one group stays in the frame of the
+/// tree, and parts leave it unchanged. Returns the groups and the cost; `None` if that is impossible.
 ///
-/// What to take off is one small part, or found for a price a triangle (H. Everett, "Generalized Lagrange Multiplier Method", 1963): the
-/// parts worth most over what entering them costs, at the least price that takes off enough.
+/// The parts to remove are one small part, or are found with a price per triangle (H. Everett, "Generalized Lagrange
+/// Multiplier Method", 1963): those worth most minus their entry cost, at the least price that removes enough.
 pub(super) fn peel(known: &Known, limits: &Limits) -> Option<(Vec<Group>, f64)> {
     let root = known.facts.first()?;
     let excess = root.triangles.checked_sub(limits.max_triangles)?;
@@ -61,7 +61,8 @@ pub(super) fn peel(known: &Known, limits: &Limits) -> Option<(Vec<Group>, f64)> 
             low = price;
         }
     }
-    // Prices find no way between two of the best at theirs; for a small excess one small part may do.
+    // Prices find no solution between two that are each best at their price; for a small excess, one small part may
+    // suffice.
     let priced = enough.map(|taken| without_surplus(known, taken, excess));
     let area = |taken: &Vec<u32>| taken.iter().map(|&at| known.facts[at as usize].loose).sum::<f64>();
     let choices = priced.into_iter().chain(smallest(known, limits, excess).map(|at| vec![at]));
@@ -70,15 +71,15 @@ pub(super) fn peel(known: &Known, limits: &Limits) -> Option<(Vec<Group>, f64)> 
     Some((peeled(known, &taken), cost))
 }
 
-/// The part of least area that is enough by itself, and not too large.
+/// Returns the part of least area that suffices by itself and is not too large.
 fn smallest(known: &Known, limits: &Limits, excess: u32) -> Option<u32> {
     let fits = |at: &u32| (excess..=limits.max_triangles).contains(&known.facts[*at as usize].triangles);
     let area = |at: u32| known.facts[at as usize].loose;
     (1..known.facts.len() as u32).filter(fits).min_by(|&a, &b| area(a).total_cmp(&area(b)).then(a.cmp(&b)))
 }
 
-/// Parts without those that need not be taken off after all, the dearest a triangle first: parts that are alike become
-/// worth their cost at the same price.
+/// Drops parts that need not be removed after all, those most expensive per triangle first: similar parts become worth
+/// their cost at the same price.
 fn without_surplus(known: &Known, taken: Vec<u32>, excess: u32) -> Vec<u32> {
     let fact = |at: u32| &known.facts[at as usize];
     let dear = |at: u32| fact(at).loose / f64::from(fact(at).triangles.max(1));
@@ -96,10 +97,10 @@ fn without_surplus(known: &Known, taken: Vec<u32>, excess: u32) -> Vec<u32> {
     taken.into_iter().filter(|at| dropped.binary_search(at).is_err()).collect()
 }
 
-/// Halvings of the price a triangle.
+/// Number of bisections of the price per triangle.
 const PRICES: usize = 40;
 
-/// The disjoint parts that together are worth most, at a price a triangle less what entering them costs.
+/// Returns the disjoint parts worth most in total: a price per triangle minus their entry cost.
 fn worth_taking(known: &Known, limits: &Limits, price: f64) -> Vec<u32> {
     let mut worth = vec![0.0; known.tree.nodes.len()];
     let mut whole = vec![false; known.tree.nodes.len()];
@@ -122,7 +123,7 @@ fn worth_taking(known: &Known, limits: &Limits, price: f64) -> Vec<u32> {
     taken
 }
 
-/// The groups of the parts taken off, after the group of what stays.
+/// Returns the group of what stays, followed by those of the removed parts.
 fn peeled(known: &Known, taken: &[u32]) -> Vec<Group> {
     let items = |at: u32| known.tree.order[known.tree.items_below(at)].to_vec();
     let mut stays = known.tree.order.clone();
@@ -134,7 +135,7 @@ fn peeled(known: &Known, taken: &[u32]) -> Vec<Group> {
     std::iter::once(whole).filter(|g| !g.items.is_empty()).chain(parts).collect()
 }
 
-/// What a node is that is not within a group.
+/// The role of a node that is not within a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum AtTop {
     /// The root of a group in the frame of the tree.
@@ -145,7 +146,7 @@ enum AtTop {
     Divided,
 }
 
-/// Cuts a tree into the groups of least cost; gives them and the cost.
+/// Cuts a tree into the groups of least cost; returns them and the cost.
 pub(super) fn cut(known: &Known, limits: &Limits) -> (Vec<Group>, f64) {
     let decisions = decide(known, limits);
     let cost = decisions.first().map_or(0.0, |root| root.outside);
@@ -162,7 +163,7 @@ fn decide(known: &Known, limits: &Limits) -> Vec<Decision> {
         let allowed = limits.allow(fact.triangles, fact.extent);
         let own = known.own[at].as_deref().filter(|_| allowed && fact.triangles >= limits.min_turned);
         let leaves = own.map_or(f64::INFINITY, |own| limits.leaving_cost() * own.loose + own.inside);
-        // A leaf cannot be divided, and is a group whatever its size.
+        // A leaf cannot be divided, so it may be a group whatever its size.
         let group = if allowed || children.is_none() { limits.entry_cost * fact.loose + stays } else { f64::INFINITY };
         let may_divide = limits.divide || !allowed;
         let divided = children
@@ -179,7 +180,8 @@ fn decide(known: &Known, limits: &Limits) -> Vec<Decision> {
     decisions
 }
 
-/// The groups that the decisions come to: each group in the frame of the tree is followed by those that leave it.
+/// Returns the groups that the decisions lead to; each group in the frame of the tree is followed by those that leave
+/// it.
 fn groups(known: &Known, decisions: &[Decision]) -> Vec<Group> {
     let mut groups = Vec::new();
     let mut roots: Vec<u32> = decisions.first().map(|_| 0).into_iter().collect();
@@ -217,7 +219,7 @@ fn push_with_leavers(known: &Known, decisions: &[Decision], root: u32, groups: &
     groups.extend(leavers);
 }
 
-/// All items below a node, in its own frame.
+/// Returns all items below a node, in its own frame.
 fn turned(known: &Known, node: u32) -> Option<Group> {
     let items = known.tree.order[known.tree.items_below(node)].to_vec();
     known.own[node as usize].as_deref().map(|own| Group { items, frame: own.frame })

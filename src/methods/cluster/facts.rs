@@ -1,4 +1,4 @@
-//! What is known of the nodes of a tree before anything is decided.
+//! What is known of the nodes of a tree before any decision.
 
 use rayon::prelude::*;
 
@@ -10,19 +10,19 @@ use crate::methods::frames::{self, Search};
 use crate::scene::Bounds;
 use crate::tree::Tree;
 
-/// Larger parts do not get a frame of their own: trying frames takes time for every level of the tree.
+/// Larger parts do not get their own frame, because trying frames takes time at each level of the tree.
 const MOST_TURNED: u32 = 1 << 16;
 
-/// Smaller parts do not get one either.
+/// Smaller parts do not get their own frame.
 const FEWEST_TURNED: u32 = 8;
 
-/// The boxes of a part's triangles must be this many times as large as they need be for another frame to be tried.
+/// Another frame is tried only if the boxes of a part's triangles are this many times as large as the tightest ones.
 const LOOSE: f64 = 1.25;
 
-/// Triangles that tell whether a frame fits.
+/// Number of triangles sampled to decide whether a frame fits.
 const SAMPLE: usize = 48;
 
-/// A frame fits if it takes less than this share of the area of the sample's boxes.
+/// A frame fits if the area of the sample's boxes is below this share.
 const TIGHTER: f64 = 0.85;
 
 /// Areas and costs of a node in squared units.
@@ -31,19 +31,19 @@ pub(super) struct Facts {
     pub(super) triangles: u32,
     /// Surface area of its box in the frame of the tree.
     pub(super) area: f64,
-    /// Surface area of the world box of that box: what a ray meets where the node is a group.
+    /// Surface area of the world box of that box, which rays meet if the node is a group.
     pub(super) loose: f64,
-    /// Surface area of its box in the world.
+    /// Surface area of its box in world space.
     pub(super) world_area: f64,
-    /// Longest side of its box in the world.
+    /// Longest side of its box in world space.
     pub(super) extent: f64,
-    /// The cost of all of it within a group.
+    /// The cost of the whole node within a group.
     pub(super) inside: f64,
-    /// Surface area of its triangles' boxes over that of the tightest boxes there are.
+    /// Surface area of its triangles' boxes divided by that of the tightest possible boxes.
     looseness: f64,
 }
 
-/// A frame of its own for a part of a tree.
+/// A part's own frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
     pub(super) frame: Turned,
@@ -53,10 +53,10 @@ pub(super) struct Own {
     pub(super) loose: f64,
 }
 
-/// For every node of a tree a frame of its own, where there is one: few nodes have one.
+/// For each node of a tree, its own frame; `None` for most nodes.
 pub(super) type OwnFrames = Vec<Option<Box<Own>>>;
 
-/// What is summed up and joined from the bottom up.
+/// Values summed and joined from the bottom up.
 #[derive(Clone, Copy)]
 struct Sums {
     triangles: u32,
@@ -67,7 +67,7 @@ struct Sums {
     tightest: f64,
 }
 
-/// The facts of every node of a tree whose boxes are those of `base`.
+/// Computes the facts of each node of a tree with boxes in the frame `base`.
 pub(super) fn facts(soup: &Soup, tree: &Tree, base: &Turned) -> Vec<Facts> {
     let leaf = |items: &[u32]| {
         let all = items.iter().map(|&t| Sums::of(soup, base, t)).fold(Sums::NOTHING, |a, b| a.with(&b));
@@ -122,8 +122,8 @@ impl Sums {
 }
 
 impl Facts {
-    /// Whether a frame of its own could pay: a world box of a turned box is never smaller than that of the triangles
-    /// themselves, so that entering it costs at least so much.
+    /// Whether a separate frame could pay off: the world box of a rotated box is never smaller than that of the
+    /// triangles themselves, which gives a lower bound on the entry cost.
     fn could_be_turned(&self, by: &Turning) -> bool {
         (by.fewest.max(FEWEST_TURNED)..=MOST_TURNED).contains(&self.triangles)
             && self.looseness > LOOSE
@@ -131,17 +131,17 @@ impl Facts {
     }
 }
 
-/// Which parts may get a frame of their own.
+/// Which parts may get their own frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Turning {
-    /// Those of at least so many triangles.
+    /// Those with at least this many triangles.
     pub(super) fewest: u32,
-    /// Those that could pay at this entry cost.
+    /// Those for which it could pay off at this entry cost.
     pub(super) least_entry: f64,
 }
 
-/// For every node that may get one the best frame of its own, where one fits clearly better than that of the tree.
-/// `known` tells what is known of a node already.
+/// Finds the best separate frame for each eligible node, if one fits clearly better than that of the tree. `known`
+/// returns the result for a node if it is already known.
 pub(super) fn own_frames(
     soup: &Soup,
     tree: &Tree,
@@ -166,7 +166,8 @@ fn own_frame(soup: &Soup, tree: &Tree, node: u32, base: &Turned, refit: &mut Ref
     tried.reduce(|a, b| if b.inside < a.inside { b } else { a })
 }
 
-/// Frames made of some triangles that make the boxes of a sample of them clearly smaller: a tree takes longer to tell.
+/// Returns frames derived from some triangles that make the boxes of a sample of them clearly smaller, which is faster
+/// to check than a tree.
 pub(super) fn fitting_frames<'a>(soup: &'a Soup, items: &'a [u32], than: &Turned) -> impl Iterator<Item = Turned> + 'a {
     let rotations = frames::rotations(items.iter(), |&t| soup.corners(t), Search::GROUP);
     let sample = || items.iter().step_by(items.len().div_ceil(SAMPLE).max(1));

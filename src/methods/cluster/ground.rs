@@ -1,4 +1,4 @@
-//! What all cuts of the same triangles have in common.
+//! The input shared by all cuts of the same triangles.
 
 use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
@@ -19,24 +19,24 @@ use crate::methods::frames::{self, Search};
 use crate::scene::Scene;
 use crate::tree::{Quality, Tree};
 
-/// Triangles, their tree in the frame that fits all of them best, and the frames that parts of it would rather have.
+/// Triangles, their tree in the frame that fits all of them best, and better frames for parts of it.
 pub(super) struct ClusterInput {
     pub(super) soup: Soup,
     base: Turned,
     tree: Tree,
-    /// The tree along the axes of the world, where `base` is another frame.
+    /// The tree along the world axes, if `base` is another frame.
     along: Option<Tree>,
     facts: Vec<Facts>,
-    /// Whether parts may get frames of their own.
+    /// Whether parts may get their own frames.
     turns: bool,
     turning: Turning,
-    /// Found when it is needed first.
+    /// Computed on first use.
     parts: OnceCell<Parts>,
-    /// By the rays that were asked for last.
+    /// For the rays used last.
     rays: RefCell<Option<ByRays>>,
 }
 
-/// What is known of the tree by rays.
+/// The facts and parts of the tree measured by rays.
 #[derive(Clone)]
 struct ByRays {
     segments: Arc<[Segment]>,
@@ -44,18 +44,18 @@ struct ByRays {
     parts: Option<Rc<Parts>>,
 }
 
-/// What may leave.
+/// The parts that may leave.
 struct Parts {
     own: OwnFrames,
     units: Vec<Unit>,
 }
 
-/// Triangles that tell whether a frame may fit all.
+/// Number of triangles sampled to decide whether a frame may fit all.
 const SAMPLE: usize = 1 << 14;
 
 impl ClusterInput {
-    /// Of the triangles of some objects; `turns` says whether frames are looked for. `None` where one of them has a box that no tree
-    /// can hold.
+    /// Collects the triangles of some objects; `turns` says whether to search for frames. `None` if the box of a
+    /// triangle is too large for a tree.
     pub(super) fn new(scene: &Scene, objects: &[Object], turns: bool, turning: Turning) -> Option<ClusterInput> {
         let soup = Soup::new(scene, objects);
         let tree_in =
@@ -80,18 +80,18 @@ impl ClusterInput {
         })
     }
 
-    /// The box around all triangles.
+    /// Returns the longest side of the box around all triangles.
     pub(super) fn extent(&self) -> f64 {
         self.facts.first().map_or(0.0, |root| root.extent)
     }
 
-    /// Its trees, for others that need them.
+    /// Returns its trees, for reuse.
     pub(super) fn into_trees(self) -> PlacedTrees {
         let along = self.along.map(|tree| (Turned::NOT.rotation, tree));
         PlacedTrees::new(self.soup.refs, along.into_iter().chain([(self.base.rotation, self.tree)]).collect())
     }
 
-    /// What may leave; `None` where nothing may.
+    /// Returns the parts that may leave; `None` if none may.
     fn parts(&self) -> Option<&Parts> {
         let find = || Parts {
             own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base, &self.turning, |_| None),
@@ -100,8 +100,8 @@ impl ClusterInput {
         self.turns.then(|| self.parts.get_or_init(find))
     }
 
-    /// The groups of least cost: of the tree as it is, or of what the units leave of it. Costs are by what `segments` of
-    /// rays meet, where there are any.
+    /// Returns the groups of least cost, of the whole tree or of what remains once units have left it. Costs are based
+    /// on the boxes that ray `segments` meet, if there are any.
     pub(super) fn cut(&self, limits: &Limits, segments: Option<&Arc<[Segment]>>) -> Vec<Group> {
         let triangles = self.facts.first().map_or(0, |root| root.triangles);
         if limits.whole && limits.allow(triangles, self.extent()) {
@@ -127,7 +127,7 @@ impl ClusterInput {
         in_bounds(groups, limits.max_triangles.max(1) as usize)
     }
 
-    /// What is known of the tree, by rays.
+    /// Returns the facts and parts of the tree measured by rays.
     fn cut_by_rays(&self, segments: &Arc<[Segment]>) -> ByRays {
         let last = self.rays.take().filter(|last| Arc::ptr_eq(&last.segments, segments));
         let found = last.unwrap_or_else(|| {
@@ -143,7 +143,8 @@ impl ClusterInput {
         found
     }
 
-    /// The groups where every unit leaves that costs less so, and their cost; `None` where none does.
+    /// Returns the groups and their cost if each unit leaves for which that is cheaper; `None` if there is no such
+    /// unit.
     fn cut_without_units(&self, units: &[Unit], limits: &Limits, segments: &[Segment]) -> Option<(Vec<Group>, f64)> {
         let price = |unit: &Unit| limits.leaving_cost() * unit.own.loose + unit.own.inside;
         let is_large = |unit: &Unit| unit.items.len() >= limits.min_turned as usize;
@@ -165,7 +166,7 @@ impl ClusterInput {
         Some((groups, cost))
     }
 
-    /// The groups of what stays of the tree. Nothing is found again for nodes that lost nothing.
+    /// Returns the groups of what stays of the tree. Nothing is recomputed for nodes that lost nothing.
     fn cut_rest(&self, stays: &[bool], limits: &Limits, segments: &[Segment]) -> (Vec<Group>, f64) {
         let (tree, known) = self.tree.retaining(|triangle| stays[triangle as usize]);
         let mut facts = facts::facts(&self.soup, &tree, &self.base);
@@ -181,7 +182,7 @@ impl ClusterInput {
     }
 }
 
-/// Groups of at most so many triangles: what was not divided because it is a leaf of the tree is divided in tree order.
+/// Limits groups to `most` triangles: groups not divided because they are a leaf of the tree are divided in tree order.
 fn in_bounds(groups: Vec<Group>, most: usize) -> Vec<Group> {
     let divided = |group: Group| match group.items.len() <= most {
         true => vec![group],
@@ -190,12 +191,13 @@ fn in_bounds(groups: Vec<Group>, most: usize) -> Vec<Group> {
     groups.into_iter().flat_map(divided).collect()
 }
 
-/// The frame in which a tree over all triangles, refitted, costs least; the world's unless another is clearly better.
+/// Returns the frame in which a refitted tree over all triangles costs least; the world frame unless another is clearly
+/// better.
 fn best_frame(soup: &Soup, tree: &Tree) -> Turned {
     let mut refit = Refit::default();
     let mut cost = |frame: &Turned| refit.part(tree, 0, |t| soup.bounds_in(frame, t)).cost;
     let rotations = frames::rotations(0..soup.len() as u32, |t| soup.corners(t), Search::SCENE);
-    // Where the boxes of triangles are not smaller, a tree of them hardly costs less.
+    // If the boxes of triangles are not smaller, a tree over them hardly costs less.
     let sample = || (0..soup.len() as u32).step_by(soup.len().div_ceil(SAMPLE).max(1));
     let area = |frame: &Turned| sample().map(|t| soup.bounds_in(frame, t).area()).sum::<f64>();
     let most = area(&Turned::NOT);

@@ -1,10 +1,11 @@
-//! What rays meet, instead of what lines would.
+//! Areas weighted by what rays meet, instead of lines.
 //!
-//! SAH takes the chance that a line which meets a node's box meets that of its child to be the ratio of their areas (J.
-//! Goldsmith, J. Salmon, "Automatic Creation of Object Hierarchies for Ray Tracing", IEEE Computer Graphics and
-//! Applications 7(5), 1987). Rays start and end on surfaces, and hardly any come to what lies behind others. So the share
-//! of segments of rays that go on from a node to its child counts instead; where few come to the node, it is drawn to the
-//! ratio of areas as if [`PRIOR`] more had kept to that. Areas become *met areas*, all of them relative to the root's.
+//! SAH estimates the probability that a line that meets a node's box also meets that of its child as the ratio of their
+//! areas (J. Goldsmith, J. Salmon, "Automatic Creation of Object Hierarchies for Ray Tracing", IEEE Computer Graphics
+//! and Applications 7(5), 1987). But rays start and end on surfaces, and few reach what is occluded. So the share of
+//! ray segments that continue from a node to its child is used instead; if few reach the node, it is drawn towards the
+//! ratio of areas as if [`PRIOR`] more segments had followed that. Areas become *met areas*, all relative to the
+//! root's.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering::Relaxed};
@@ -20,26 +21,26 @@ use crate::cost::segments::{Boxed, Segment};
 use crate::scene::Bounds;
 use crate::tree::{Quality, Tree};
 
-/// Segments' worth of what areas say.
+/// Weight of the area ratio, in segments.
 const PRIOR: f64 = 8.0;
 
-/// Segments worked on at a time.
+/// Segments processed per round.
 const BLOCK: usize = 64;
 
-/// Boxes met after which no further segments are looked at.
+/// Number of boxes met after which no further segments are processed.
 const MOST_MET: usize = 1 << 25;
 
-/// How many times as much rays meet of each node as lines do.
+/// Ratio of what rays meet to what lines would, for each node.
 pub(super) struct MetAreas {
-    /// Of its box.
+    /// For its box.
     of_box: Vec<f64>,
-    /// Of what it costs to go through all of it.
+    /// For the cost of its contents.
     of_inside: Vec<f64>,
     facts: Vec<Facts>,
 }
 
 impl MetAreas {
-    /// Of a tree over some triangles of a soup in a frame.
+    /// Measures a tree over some triangles of a soup in the frame `base`.
     pub(super) fn new(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned, segments: &[Segment]) -> MetAreas {
         let around = |items: &[u32]| items.iter().fold(Bounds::EMPTY, |all, &t| all.union(&soup.bounds_in(base, t)));
         let boxed = Boxed { bounds: tree.refit(around, Bounds::union), tree: tree.clone() };
@@ -55,7 +56,7 @@ impl MetAreas {
         MetAreas::scaled(tree, facts, of_box)
     }
 
-    /// Facts scaled by what rays meet of each box, and costs summed up again.
+    /// Scales the facts by the ratio for each box and recomputes costs.
     fn scaled(tree: &Tree, facts: &[Facts], of_box: Vec<f64>) -> MetAreas {
         let mut met = MetAreas { of_inside: vec![1.0; facts.len()], facts: facts.to_vec(), of_box };
         for (at, node) in tree.nodes.iter().enumerate().rev() {
@@ -72,17 +73,18 @@ impl MetAreas {
         met
     }
 
-    /// The facts, by rays.
+    /// Returns the facts measured by rays.
     pub(super) fn facts(&self) -> &[Facts] {
         &self.facts
     }
 
-    /// As [`MetAreas::facts`].
+    /// Like [`MetAreas::facts`].
     pub(super) fn into_facts(self) -> Vec<Facts> {
         self.facts
     }
 
-    /// Frames of their own, by rays: another frame saves the same share of what rays meet as of what lines meet.
+    /// Returns the frames of nodes measured by rays: another frame saves the same share of what rays meet as of what
+    /// lines meet.
     pub(super) fn own(&self, own: &[Option<Box<Own>>]) -> OwnFrames {
         let scaled = |at: usize, own: &Own| Own {
             inside: self.of_inside[at] * own.inside,
@@ -93,7 +95,7 @@ impl MetAreas {
         own.iter().enumerate().map(cut_by_rays).collect()
     }
 
-    /// What units cost, by rays: each with its share of the tree and what it costs in its own frame.
+    /// Returns units measured by rays: their share of the tree and their cost in their own frame.
     pub(super) fn units(&self, units: &[Unit], shares: &[f64], soup: &Soup, segments: &[Segment]) -> Vec<Unit> {
         let boxes: Vec<Bounds> = units.iter().map(|unit| unit.world).collect();
         let (counts, used) = counts_of_boxes(&boxes, segments, &soup.seen_in(&Turned::NOT));
@@ -109,12 +111,12 @@ impl MetAreas {
     }
 }
 
-/// A ratio, or what stands for it where it means nothing.
+/// Returns `a / b`, or `otherwise` if that is undefined.
 fn ratio(a: f64, b: f64, otherwise: f64) -> f64 {
     if b > 0.0 && b.is_finite() && a.is_finite() { a / b } else { otherwise }
 }
 
-/// How many segments meet the box of every node; `into` takes them to where the boxes are.
+/// Counts the segments that meet the box of each node; `into` transforms them to the coordinates of the boxes.
 fn counts_of_nodes(tree: &Boxed, segments: &[Segment], into: &DAffine3) -> Vec<u32> {
     let visit = |segment: &Segment, meet: &dyn Fn(u32)| {
         tree.visit(&mut segment.under(into), |node, _| meet(node as u32));
@@ -122,7 +124,7 @@ fn counts_of_nodes(tree: &Boxed, segments: &[Segment], into: &DAffine3) -> Vec<u
     count(tree.tree.nodes.len(), segments, visit).0
 }
 
-/// How many segments meet each of the boxes, and how many were looked at.
+/// Counts the segments that meet each box; also returns how many segments were processed.
 fn counts_of_boxes(boxes: &[Bounds], segments: &[Segment], into: &DAffine3) -> (Vec<u32>, usize) {
     let tree = Boxed::build(boxes, Quality::Instances);
     count(boxes.len(), segments, |segment, meet| {
@@ -132,10 +134,10 @@ fn counts_of_boxes(boxes: &[Bounds], segments: &[Segment], into: &DAffine3) -> (
     })
 }
 
-/// How often each of so many things is met, and by how many of the segments: an even part of them, where all would meet
-/// more than [`MOST_MET`] things together, as where very many boxes lie in one place.
+/// Counts how often each of `things` is met; also returns how many segments were processed: an even sample if all would
+/// meet more than [`MOST_MET`] things in total, as when very many boxes overlap in one place.
 fn count(things: usize, segments: &[Segment], visit: impl Fn(&Segment, &dyn Fn(u32)) + Sync) -> (Vec<u32>, usize) {
-    // Sums do not depend on their order.
+    // Integer sums do not depend on their order.
     let counts: Vec<AtomicU32> = (0..things).map(|_| AtomicU32::new(0)).collect();
     let (rounds, met, mut used) = (segments.len().div_ceil(BLOCK), AtomicUsize::new(0), 0);
     for round in 0..rounds {
@@ -166,7 +168,7 @@ mod tests {
     use crate::layout::test_scenes::{SceneBuilder, row};
     use crate::scene::{InstanceId, Scene};
 
-    /// Two rows of triangles far apart along x, the second half as long; their tree, its boxes and its facts.
+    /// Two rows of triangles far apart along x, the second half as long, with their tree and its facts.
     struct Known {
         soup: Soup,
         tree: Tree,
@@ -189,7 +191,7 @@ mod tests {
         MetAreas::new(&known.soup, &known.tree, &known.facts, &Turned::NOT, segments)
     }
 
-    /// The node of all triangles of the first row, and that of the second's.
+    /// Returns the node of all triangles of the first row, and that of the second.
     fn rows(known: &Known) -> [usize; 2] {
         [8, 4].map(|n| (0..known.facts.len()).find(|&at| known.facts[at].triangles == n).expect("a row is a node"))
     }

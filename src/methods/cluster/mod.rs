@@ -1,10 +1,9 @@
-//! `cluster`: groups of least predicted cost, whatever objects their triangles belong to, each in the frame that fits
-//! it best.
+//! `cluster`: groups of least predicted cost, regardless of objects, each in the frame that fits it best.
 //!
-//! Helps scenes whose parts are turned against the axes and thin geometry (pipes, cables, railings, furniture at an
-//! angle), and bounds groups for engines that stream them; on geometry along the axes it comes to what `single` does.
-//! A tree over all triangles is cut by a dynamic programme ([`dynamic_programming`]), before or after units such as connected
-//! components left it ([`units`]), whichever is predicted to cost less.
+//! Helps scenes with parts rotated against the axes and with thin geometry (pipes, cables, railings, furniture at an
+//! angle), and bounds group sizes for engines that stream them; for axis-aligned geometry, the result is that of
+//! `single`. A tree over all triangles is cut by dynamic programming ([`dynamic_programming`]), before or after units
+//! such as connected components leave it ([`units`]), whichever has the lower predicted cost.
 
 mod dynamic_programming;
 mod facts;
@@ -34,37 +33,37 @@ use facts::Turning;
 use ground::ClusterInput;
 use soup::{Soup, Turned};
 
-/// Another frame for all triangles must cost less than this share to be taken.
+/// Another frame for all triangles is used if its cost is below this share.
 const WORTH_TURNING: f64 = 0.97;
 
-/// Nodes of the TLAS that a group adds, each as large as its box.
+/// Number of TLAS nodes that a group adds, each as large as its box.
 const TLAS_NODES: f64 = 2.0;
 
-/// Cost of entering a group beside which nothing else counts, so that bounds are kept with as few groups as can be.
+/// Entry cost that dominates all other costs, so that bounds are met with as few groups as possible.
 const FEWEST_GROUPS: f64 = 1e9;
 
-/// What triangles are put into groups for.
+/// The purpose of the groups.
 #[derive(Clone, Copy, Debug)]
 enum Purpose {
-    /// Least predicted cost, given that of entering a group.
+    /// Least predicted cost for the given entry cost.
     Groups { entry_cost: f64 },
-    /// One group in the frame that fits it best; as few as can be where bounds divide it.
+    /// One group in the frame that fits it best; as few as possible if bounds divide it.
     Whole,
 }
 
-/// What groups are allowed to be; lengths in half diagonals of the scene.
+/// Constraints on groups; lengths are in half diagonals of the scene.
 struct Limits {
     entry_cost: f64,
     min_turned: u32,
     max_triangles: u32,
     max_extent: f64,
-    /// Whether a group may be divided without a bound that asks for it.
+    /// Whether a group may be divided without a bound that requires it.
     divide: bool,
     /// Whether units may leave.
     units: bool,
     /// Whether groups are improved by local search.
     improve: bool,
-    /// Whether all stays in one group if bounds allow it.
+    /// Whether everything stays in one group if bounds allow it.
     whole: bool,
 }
 
@@ -86,7 +85,7 @@ impl Limits {
         }
     }
 
-    /// What it costs to meet a group that leaves another one: its entry, and what it adds to the TLAS.
+    /// Returns the cost factor of a group that leaves another: its entry and the TLAS nodes it adds.
     fn leaving_cost(&self) -> f64 {
         self.entry_cost + TLAS_NODES * TRAVERSAL
     }
@@ -96,16 +95,17 @@ impl Limits {
     }
 }
 
-/// What several runs over the same scene share. Runs with equal options give equal layouts, with a cache or without.
+/// State shared by several runs over the same scene. Runs with equal options give equal layouts, with or without a
+/// cache.
 pub struct Cache {
-    /// No run has an entry cost below this one.
+    /// Lower bound on the entry costs of the runs.
     least_entry: f64,
     last: Option<(Key, Option<Rc<ClusterInput>>)>,
-    /// Those over most triangles.
+    /// The trees over the most triangles.
     trees: PlacedTrees,
 }
 
-/// The least entry cost by which parts are looked for that could have a frame of their own.
+/// Lower bound on the entry cost for which parts with their own frame are searched.
 const LEAST_ENTRY: f64 = 2.0;
 
 impl Default for Cache {
@@ -114,14 +114,15 @@ impl Default for Cache {
     }
 }
 
-/// What a [`ClusterInput`] depends on.
+/// The inputs that a [`ClusterInput`] depends on.
 type Key = (Vec<Object>, bool, u32);
 
 impl Cache {
-    /// For runs with these options alone: what could pay in none of them is not looked for.
+    /// Creates a cache for runs with only these options; it skips searches that could pay off in none of them.
     pub fn serving<'a>(runs: impl IntoIterator<Item = &'a Options>) -> Cache {
         let least = |Options { instances, cluster, .. }: &Options| {
-            // What bounds divide is a group whatever it costs; by rays, areas tell little of what an entry is worth.
+            // Parts divided by bounds are groups at any cost; with rays, areas hardly predict whether an entry pays
+            // off.
             let cut_by_rays = cluster.search.segments.is_some();
             if cluster.is_bounded() || cut_by_rays { LEAST_ENTRY } else { instances.entry_cost }
         };
@@ -134,7 +135,7 @@ impl Cache {
     fn ground(&mut self, scene: &Scene, objects: &[Object], turns: bool, min_turned: u32) -> Option<Rc<ClusterInput>> {
         let serves = |key: &Key| (&*key.0, key.1, key.2) == (objects, turns, min_turned);
         if !self.last.as_ref().is_some_and(|(key, _)| serves(key)) {
-            // The old one goes first: both at once could be too much.
+            // Drop the old input first, because both together may not fit in memory.
             self.retire();
             let turning = Turning { fewest: min_turned, least_entry: self.least_entry };
             let ground = ClusterInput::new(scene, objects, turns, turning).map(Rc::new);
@@ -143,7 +144,7 @@ impl Cache {
         self.last.as_ref().and_then(|(_, ground)| ground.clone())
     }
 
-    /// Lets go of all but the trees, where they are over more triangles than those that are known.
+    /// Drops everything but the trees, which are kept if they cover more triangles than those already kept.
     fn retire(&mut self) {
         let last = self.last.take().and_then(|(_, ground)| Rc::into_inner(ground?));
         if let Some(trees) = last.map(ClusterInput::into_trees).filter(|trees| trees.len() > self.trees.len()) {
@@ -151,15 +152,16 @@ impl Cache {
         }
     }
 
-    /// The trees that the runs built.
+    /// Returns the trees that the runs built.
     pub fn into_trees(mut self) -> PlacedTrees {
         self.retire();
         self.trees
     }
 }
 
-/// How much larger the boxes of triangles are than they need be: the surface area of the world boxes of all triangles
-/// that may be regrouped over that of the tightest boxes there are; at least 1. An even sample of the triangles tells.
+/// Returns how much larger the boxes of triangles are than necessary: the surface area of the world boxes of all
+/// triangles that may be regrouped, divided by that of the tightest possible boxes; at least 1. Computed from an even
+/// sample of the triangles.
 pub fn looseness(scene: &Scene) -> f64 {
     let free = (0..scene.instances.len() as u32).map(InstanceId);
     let free: Vec<Object> = objects(scene, free.filter(|i| scene.instances[i.0 as usize].pinned.is_none()));
@@ -174,10 +176,10 @@ pub fn looseness(scene: &Scene) -> f64 {
     if tight > 0.0 && loose.is_finite() { (loose / tight).max(1.0) } else { 1.0 }
 }
 
-/// Triangles that tell how loose the boxes of all are.
+/// Number of triangles sampled to measure how loose boxes are.
 const SAMPLES: usize = 1 << 16;
 
-/// The groups of least predicted cost.
+/// Creates the groups of least predicted cost.
 pub(super) fn cluster(
     scene: &Scene,
     instances: &InstanceOptions,
@@ -189,7 +191,7 @@ pub(super) fn cluster(
     Clustering { scene, instances, parts, options, purpose }.lay_out(cache)
 }
 
-/// One group of each part, in the frame that fits it best.
+/// Creates one group per part, in the frame that fits it best.
 pub(super) fn whole(
     scene: &Scene,
     instances: &InstanceOptions,
@@ -200,7 +202,7 @@ pub(super) fn whole(
     Clustering { scene, instances, parts, options, purpose: Purpose::Whole }.lay_out(cache)
 }
 
-/// What is to be laid out, and how.
+/// The input and options of a layout.
 struct Clustering<'a> {
     scene: &'a Scene,
     instances: &'a InstanceOptions,
@@ -230,7 +232,8 @@ impl Clustering<'_> {
         })
     }
 
-    /// The groups of a part and what they were found in; `None` if it stays whole, along the axes of the world.
+    /// Returns the groups of a part and the input they were found in; `None` if the part stays whole, along the world
+    /// axes.
     fn groups(&self, part: &Part, cache: &mut Cache) -> Option<(Rc<ClusterInput>, Vec<Group>)> {
         let ground =
             cache.ground(self.scene, &part.objects, self.instances.frames, self.options.min_turned_triangles)?;
@@ -258,7 +261,7 @@ fn push(scene: &Scene, objects: &[Object], soup: &Soup, groups: &[Group], layout
     }
 }
 
-/// World from group: the group's rotation, about the middle of its triangles where it is turned.
+/// Returns world from group: the group's rotation, about the middle of its triangles if it is rotated.
 fn frame(scene: &Scene, soup: &Soup, group: &Group) -> DAffine3 {
     if group.frame == Turned::NOT {
         return DAffine3::IDENTITY;

@@ -1,13 +1,13 @@
-//! What a part of a tree costs in another frame.
+//! The cost of a part of a tree in another frame.
 
 use crate::cost::sah::{INTERSECTION, TRAVERSAL};
 use crate::scene::Bounds;
 use crate::tree::Tree;
 
-/// Refits parts of a tree; keeps its memory from one to the next.
+/// Refits parts of a tree; reuses its memory between them.
 #[derive(Default)]
 pub(super) struct Refit {
-    /// Nodes of the part, parents first, each with the place of its parent.
+    /// Nodes of the part, parents first, each with the index of its parent.
     nodes: Vec<(u32, u32)>,
     bounds: Vec<Bounds>,
 }
@@ -17,12 +17,12 @@ pub(super) struct Refit {
 pub(super) struct Fitted {
     /// The box of its root.
     pub(super) bounds: Bounds,
-    /// C_t times the areas of inner nodes plus C_i times those of leaves, each counted for every item in it.
+    /// C_t times the areas of inner nodes plus C_i times those of leaves, each counted once per item in it.
     pub(super) cost: f64,
 }
 
 impl Refit {
-    /// The part of a tree below `root`, with items in boxes of their own.
+    /// Refits the part of a tree below `root` to the given boxes of its items.
     pub(super) fn part(&mut self, tree: &Tree, root: u32, item: impl Fn(u32) -> Bounds) -> Fitted {
         self.collect(tree, root);
         self.bounds.clear();

@@ -1,13 +1,13 @@
-//! Local search: groups that are better off together, divided, or without a part that lies with another.
+//! Local search: joins groups, divides groups, and moves parts to groups they overlap, if that lowers the cost.
 //!
-//! The dynamic programme knows only groups that are subtrees of one tree, and units that leave it whole. What that misses
-//! is looked for among neighbours, until no change saves anything or [`ROUNDS`] are over: a group is *divided* where
-//! entering its parts costs less than what lies between them; two groups are *joined*, in the frame of the larger, where
-//! one entry saves more than the common tree costs; a part of a group that makes its box large *moves* to a group that it
-//! lies in. Costs are upper bounds: trees are refitted and put below new roots, where a new tree would be cheaper.
-//! Neighbours are those in the order of a tree over the groups, and pairs that are each other's best are joined at the
-//! same time, as D. Meister, J. Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy
-//! Construction", IEEE Transactions on Visualization and Computer Graphics 24(3), 2018, build a tree.
+//! The dynamic programme only knows groups that are subtrees of one tree, and units that leave it whole. Better
+//! solutions are searched among neighbours until no change saves anything or [`ROUNDS`] are over: a group is *divided*
+//! if entering its parts costs less than the nodes shared by them; two groups are *joined*, in the frame of the larger,
+//! if one entry saves more than the common tree costs; a part of a group that makes its box large *moves* to a group
+//! that it lies in. Costs are upper bounds: trees are refitted and put below new roots, although a new tree would be
+//! cheaper. Neighbours are close in the order of a tree over the groups, and pairs that are each other's best are
+//! joined at the same time, as D. Meister, J. Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume
+//! Hierarchy Construction", IEEE Transactions on Visualization and Computer Graphics 24(3), 2018, build a tree.
 
 use rayon::prelude::*;
 
@@ -20,40 +20,40 @@ use crate::cost::sah::TRAVERSAL;
 use crate::scene::Bounds;
 use crate::tree::{Quality, Tree};
 
-/// Changes that follow from each other, at most.
+/// Maximum number of rounds of changes.
 const ROUNDS: usize = 4;
 
-/// Groups that follow in tree order and may be joined or given a part.
+/// Number of groups next in tree order that a group may be joined with or give a part to.
 const NEIGHBOURS: usize = 8;
 
-/// Larger groups are neither divided nor searched for parts: their trees take too long, and the dynamic programme has
-/// seen them whole.
+/// Larger groups are neither divided nor searched for parts: their trees take too long to build, and the dynamic
+/// programme has already considered them whole.
 const MOST: usize = 1 << 16;
 
-/// Levels of a group's tree whose nodes may move.
+/// Number of levels of a group's tree whose nodes may move.
 const LEVELS: usize = 2;
 
-/// A change must save more than this share of what it changes.
+/// A change must save more than this share of the cost of what it changes.
 const WORTH: f64 = 1e-3;
 
-/// A part may move if the box of the rest has less than this share of the area.
+/// A part may move if the area of the box of the rest is below this share.
 const SHRINKS: f64 = 0.9;
 
-/// A group and what it costs.
+/// A group and its cost.
 #[derive(Clone)]
 struct Member {
     group: Group,
     fit: Fit,
 }
 
-/// How some triangles fit a frame.
+/// How well some triangles fit a frame.
 #[derive(Clone, Copy)]
 struct Fit {
     /// Their box in the frame.
     bounds: Bounds,
-    /// The world box of that box: what rays meet.
+    /// The world box of that box, which rays meet.
     world: Bounds,
-    /// What a tree over them costs.
+    /// The cost of a tree over them.
     inside: f64,
 }
 
@@ -63,7 +63,7 @@ struct Search<'a> {
     limits: &'a Limits,
 }
 
-/// Groups that cost no more than those given, by the areas of boxes.
+/// Returns groups that cost no more than those given, measured by the areas of boxes.
 pub(super) fn improve(soup: &Soup, groups: Vec<Group>, limits: &Limits) -> Vec<Group> {
     let search = Search { soup, limits };
     let mut members: Vec<Member> = groups.into_par_iter().map(|group| search.member(group)).collect();
@@ -81,7 +81,7 @@ pub(super) fn improve(soup: &Soup, groups: Vec<Group>, limits: &Limits) -> Vec<G
     members.into_iter().map(|member| member.group).collect()
 }
 
-/// Puts members in the order of a tree over them, where their boxes are not too large for one.
+/// Sorts members in the order of a tree over them, unless their boxes are too large for a tree.
 fn sort(members: &mut Vec<Member>) {
     let boxes: Vec<Bounds> = members.iter().map(|member| member.fit.world).collect();
     let tree = Tree::build_usable(&boxes, Quality::Instances);
@@ -107,12 +107,12 @@ impl Search<'_> {
         items.iter().map(|&t| self.soup.bounds_in(frame, t)).collect()
     }
 
-    /// What a group costs that fits its frame so.
+    /// Returns the cost of a group with this fit.
     fn cost(&self, fit: &Fit) -> f64 {
         self.limits.leaving_cost() * fit.world.area() + fit.inside
     }
 
-    /// The parts of a group whose entries cost less than what they share.
+    /// Returns the parts of a group if their entries cost less than what they share, else the group.
     fn divide(&self, member: Member) -> Vec<Member> {
         let Group { items, frame } = &member.group;
         if items.len() > MOST || items.len() < 2 {
@@ -132,7 +132,7 @@ impl Search<'_> {
         }
     }
 
-    /// Joins neighbours that gain most from each other; whether there were any.
+    /// Joins neighbours that gain most from each other; returns whether there were any.
     fn join(&self, members: &mut Vec<Member>) -> bool {
         let count = members.len();
         let with_next = |i: usize| -> Vec<Option<(Fit, f64)>> {
@@ -168,8 +168,8 @@ impl Search<'_> {
         members.len() < count
     }
 
-    /// How two groups fit the frame of the larger, the first of equal ones, as one, and what that saves; `None` where it
-    /// saves nothing.
+    /// Returns how two groups, joined, fit the frame of the larger (the first of equal ones), and what that saves;
+    /// `None` if it saves nothing.
     fn joined(&self, one: &Member, other: &Member) -> Option<(Fit, f64)> {
         let is_larger = one.group.items.len() >= other.group.items.len();
         let (large, small) = if is_larger { (one, other) } else { (other, one) };
@@ -187,7 +187,7 @@ impl Search<'_> {
         (gain > WORTH * apart).then_some((with, gain))
     }
 
-    /// Moves parts that make a group's box large into neighbours; whether there were any.
+    /// Moves parts that make a group's box large into neighbours; returns whether there were any.
     fn move_parts(&self, members: &mut [Member]) -> bool {
         let moves: Vec<Option<Move>> = (0..members.len()).into_par_iter().map(|i| self.best_move(members, i)).collect();
         let mut touched = vec![false; members.len()];
@@ -205,7 +205,7 @@ impl Search<'_> {
         touched.contains(&true)
     }
 
-    /// The part of a group that is best moved to a neighbour.
+    /// Returns the part of a group that is best moved to a neighbour.
     fn best_move(&self, members: &[Member], at: usize) -> Option<Move> {
         let member = &members[at];
         let mut best: Option<Move> = None;
@@ -229,7 +229,7 @@ impl Search<'_> {
         best
     }
 
-    /// The parts of a group without which its box is smaller.
+    /// Returns the parts of a group without which its box is smaller.
     fn parts(&self, member: &Member) -> Vec<Part> {
         let Group { items, frame } = &member.group;
         if items.len() > MOST || items.len() < 2 {
@@ -254,7 +254,7 @@ impl Search<'_> {
         parts
     }
 
-    /// A part of a group: a range of an order of its triangles.
+    /// Returns the part of a group given by a range of an order of its triangles.
     fn part(&self, member: &Member, order: &[u32], range: std::ops::Range<usize>) -> Option<Part> {
         let Group { items, frame } = &member.group;
         let of = |order: &[u32]| -> Vec<u32> { order.iter().map(|&i| items[i as usize]).collect() };
@@ -271,24 +271,24 @@ impl Search<'_> {
 /// A part that a group may lose.
 struct Part {
     items: Vec<u32>,
-    /// Its box in the world.
+    /// Its box in world space.
     world: Bounds,
     /// The group without it.
     without: Member,
 }
 
-/// A part of a group moved to a neighbour.
+/// A move of a part of a group to a neighbour.
 struct Move {
     to: usize,
     gain: f64,
     items: Vec<u32>,
-    /// The group without it.
+    /// The group without the part.
     without: Member,
-    /// How the neighbour fits with it.
+    /// How the neighbour fits with the part.
     with: Fit,
 }
 
-/// How a group fits its frame with more triangles, which fit it so, below a new root.
+/// Returns how a group fits its frame when triangles with the fit `more` are added below a new root.
 fn with(member: &Member, more: &Fit) -> Option<Fit> {
     let bounds = member.fit.bounds.union(&more.bounds);
     let inside = member.fit.inside + more.inside + TRAVERSAL * bounds.area();
@@ -306,7 +306,7 @@ mod tests {
     use crate::methods::cluster::Purpose;
     use crate::scene::InstanceId;
 
-    /// Piles of eight triangles, at these points: what lies in one place is never better divided.
+    /// Piles of eight triangles at these points: triangles in one place are never better divided.
     fn piles(at: &[Vec3]) -> Soup {
         let pile = |at: Vec3| {
             let layer = |i: i32| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| at + p + Vec3::Z * 0.01 * i as f32);
@@ -331,7 +331,7 @@ mod tests {
         Group { items: items.collect(), frame: Turned::NOT }
     }
 
-    /// The triangles of the groups found, each group's and the groups themselves in ascending order.
+    /// Returns the triangles of the improved groups, with each group and the list of groups sorted.
     fn found(soup: &Soup, groups: Vec<Group>, limits: &Limits) -> Vec<Vec<u32>> {
         let mut found: Vec<Vec<u32>> = improve(soup, groups, limits).into_iter().map(|group| group.items).collect();
         found.iter_mut().for_each(|items| items.sort_unstable());

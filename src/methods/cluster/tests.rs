@@ -1,4 +1,4 @@
-//! Small scenes that say by themselves what the groups should be.
+//! Small scenes whose best groups are obvious.
 
 use glam::{DMat3, DVec3, EulerRot, Vec3};
 
@@ -29,7 +29,7 @@ fn turned(angles: [f64; 3]) -> DMat3 {
     DMat3::from_euler(EulerRot::XYZ, angles[0], angles[1], angles[2])
 }
 
-/// A slab of 2 n x n triangles across z, seen from the middle, with edges along x and y.
+/// A slab of 2 n x n triangles perpendicular to z, centred, with edges along x and y.
 fn slab(at: DVec3, half: DVec3, n: usize, rotation: DMat3) -> Vec<[Vec3; 3]> {
     let corner = |x: usize, y: usize| {
         let unit = DVec3::new(x as f64, y as f64, 0.0) * (2.0 / n as f64) - DVec3::new(1.0, 1.0, 0.0);

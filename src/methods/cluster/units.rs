@@ -1,7 +1,7 @@
-//! Units: triangles that hang together, and leave for a frame of their own together.
+//! Units: connected triangles that leave together for a frame of their own.
 //!
-//! Long thin parts that cross each other, such as hair, cables and railings, do not come apart in space: a tree over all
-//! triangles mixes them. So connected components and objects may leave before that tree is cut.
+//! Long thin parts that cross each other, such as hair, cables and railings, cannot be separated spatially: a tree over
+//! all triangles mixes them. So connected components and objects may leave before that tree is cut.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -15,21 +15,21 @@ use crate::tree::{Quality, Tree};
 
 /// Smaller units do not leave.
 const FEWEST: usize = 8;
-/// Larger units do not leave as one.
+/// Larger units do not leave as a whole.
 const MOST: usize = 1 << 16;
 
-/// A unit that fits clearly better in a frame of its own.
+/// A unit that fits clearly better in its own frame.
 #[derive(Clone, Debug)]
 pub(super) struct Unit {
     pub(super) items: Vec<u32>,
     pub(super) own: Own,
     /// Its share of the cost of the tree over all triangles.
     pub(super) share: f64,
-    /// Its box in the world.
+    /// Its box in world space.
     pub(super) world: Bounds,
 }
 
-/// The units that cost more within the tree than in a frame of their own, entries not counted.
+/// Returns the units that cost more within the tree than in their own frame, ignoring entries.
 pub(super) fn units(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned) -> Vec<Unit> {
     let shares = shares(soup, tree, facts);
     let unit = |items: Vec<u32>| {
@@ -42,20 +42,20 @@ pub(super) fn units(soup: &Soup, tree: &Tree, facts: &[Facts], base: &Turned) ->
 }
 
 impl Unit {
-    /// Longest side of its box in the world.
+    /// Returns the longest side of its box in world space.
     pub(super) fn extent(&self) -> f64 {
         self.world.size().max_element()
     }
 }
 
-/// Connected components where objects consist of several, else objects.
+/// Returns connected components; objects that are connected count as one.
 fn candidates(soup: &Soup) -> Vec<Vec<u32>> {
     let of_object = |object: &[u32]| components(soup, object[0]..object[1]);
     let all: Vec<Vec<Vec<u32>>> = soup.objects.par_windows(2).map(of_object).collect();
     all.into_iter().flatten().filter(|unit| (FEWEST..=MOST).contains(&unit.len())).collect()
 }
 
-/// For every triangle its share of the cost of a tree: of each node above it an equal part.
+/// Returns each triangle's share of the cost of a tree: an equal part of each node above it.
 pub(super) fn shares(soup: &Soup, tree: &Tree, facts: &[Facts]) -> Vec<f64> {
     let mut above = vec![0.0; tree.nodes.len()];
     let mut shares = vec![0.0; soup.len()];
@@ -75,7 +75,8 @@ pub(super) fn shares(soup: &Soup, tree: &Tree, facts: &[Facts]) -> Vec<f64> {
     shares
 }
 
-/// The best frame of a unit with what it costs there, by a tree of its own; its items in tree order.
+/// Returns the items of a unit in tree order, and the best frame for it with its cost there, computed with a separate
+/// tree.
 fn own_frame(soup: &Soup, items: Vec<u32>, base: &Turned) -> Option<(Vec<u32>, Own)> {
     let frames: Vec<Turned> = fitting_frames(soup, &items, base).collect();
     let tried = frames.into_iter().map(|frame| {
@@ -88,7 +89,7 @@ fn own_frame(soup: &Soup, items: Vec<u32>, base: &Turned) -> Option<(Vec<u32>, O
     tried.reduce(|a, b| if b.1.inside < a.1.inside { b } else { a })
 }
 
-/// The components of some triangles, which share corners directly or through others, in the order of their first
+/// Returns the connected components of some triangles (connected by shared corners), in the order of their first
 /// triangles.
 fn components(soup: &Soup, triangles: std::ops::Range<u32>) -> Vec<Vec<u32>> {
     let first = triangles.start;
@@ -114,13 +115,13 @@ fn components(soup: &Soup, triangles: std::ops::Range<u32>) -> Vec<Vec<u32>> {
     parts
 }
 
-/// The bits of a position, of both zeros the same.
+/// Returns the bits of a position, equal for both zeros.
 fn key(position: Vec3) -> [u32; 3] {
     (position + Vec3::ZERO).to_array().map(f32::to_bits)
 }
 
-/// The smallest member of a set (R. Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", 1975), halving
-/// the path to it.
+/// Returns the smallest member of a set (R. Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", 1975),
+/// with path halving.
 fn root(parents: &mut [u32], mut at: u32) -> u32 {
     while parents[at as usize] != at {
         parents[at as usize] = parents[parents[at as usize] as usize];

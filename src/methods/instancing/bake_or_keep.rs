@@ -1,6 +1,6 @@
-//! All instances of a mesh are baked, or none.
+//! Bakes all instances of a mesh, or none.
 //!
-//! Of a mesh that several instances place, either all that are not pinned are baked or none: cheapest meshes first, by
+//! For a mesh that several instances place, either all unpinned instances are baked or none: cheapest meshes first, by
 //! the predicted bytes that their copies add, as long as the limits hold.
 
 use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
@@ -9,8 +9,9 @@ use crate::layout::{Layout, Limit, Note};
 use crate::methods::InstanceOptions;
 use crate::scene::{Instance, Scene};
 
-/// Runs a method on as many instances as the limits allow. The predicted bytes of its own result decide: if they
-/// exceed the limit although the estimate did not, the most expensive meshes are left instanced and it runs again.
+/// Runs a method on as many instances as the limits allow. The predicted bytes of its actual result decide: if they
+/// exceed the limit although the estimate did not, the most expensive meshes are left instanced and the method runs
+/// again.
 pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Selection) -> Layout) -> Layout {
     let candidates = candidates(scene);
     let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
@@ -38,13 +39,13 @@ struct Candidate {
     instances: u64,
     /// Whether another instance places the mesh too.
     shared: bool,
-    /// Triangles those instances place.
+    /// Triangles that those instances place.
     triangles: u64,
-    /// Predicted bytes that baking them adds.
+    /// Predicted bytes added by baking them.
     extra_bytes: u64,
 }
 
-/// The candidates of a scene, those that cost least first, then in the order of the meshes.
+/// Returns the candidates of a scene, cheapest first, ties in mesh order.
 fn candidates(scene: &Scene) -> Vec<Candidate> {
     let mut counts = vec![(0u64, 0u64); scene.meshes.len()];
     for instance in &scene.instances {
@@ -71,7 +72,7 @@ fn candidates(scene: &Scene) -> Vec<Candidate> {
     candidates
 }
 
-/// What the candidates up to some point come to.
+/// Totals of the first candidates.
 #[derive(Default)]
 struct Sum {
     triangles: u64,
@@ -93,7 +94,7 @@ impl Sum {
     }
 }
 
-/// How many candidates can be taken before their sum no longer fits.
+/// Returns how many candidates can be taken before their sum no longer fits.
 fn prefix(candidates: &[Candidate], fits: impl Fn(&Sum) -> bool) -> usize {
     let mut sum = Sum::default();
     let too_much = candidates.iter().position(|candidate| {
@@ -103,11 +104,11 @@ fn prefix(candidates: &[Candidate], fits: impl Fn(&Sum) -> bool) -> usize {
     too_much.unwrap_or(candidates.len())
 }
 
-/// How many candidates remain when the last ones are dropped until they make up for `excess` bytes: the same number
-/// where nothing exceeds or nothing can be saved.
+/// Returns how many candidates remain after dropping the last ones until they save `excess` bytes: all of them if there
+/// is no excess or nothing can be saved.
 fn without_excess(chosen: &[Candidate], excess: f64) -> usize {
     let (mut left, mut saved) = (chosen.len(), 0.0);
-    // At least half of those that cost bytes go at once, so that the method runs a few times at most.
+    // Drop at least half of those that cost bytes at once, so that the method runs only a few times.
     let half = chosen.iter().filter(|c| c.extra_bytes > 0).count().div_ceil(2);
     while left > 0 && chosen[left - 1].extra_bytes > 0 && excess > 0.0 {
         if saved >= excess && chosen.len() - left >= half {

@@ -1,11 +1,11 @@
-//! Keep, open or bake: for every mesh that several instances place, what gains most for the bytes that are allowed.
+//! Keep, open or bake: for each mesh that several instances place, the choice that gains most within the bytes allowed.
 //!
-//! Every way to treat a mesh has predicted bytes and a predicted cost, counted on sampled rays ([`super::tally`]); the ways
-//! worth having lie on the convex hull of cost over bytes. Steps along all hulls are taken in the order of what they
-//! gain a byte until the bytes are used up, as G. B. Dantzig, "Discrete-Variable Extremum Problems", Operations Research
-//! 5(2), 1957, fills a knapsack (with the choice of one item of each class: P. Sinha, A. A. Zoltners, "The
-//! Multiple-Choice Knapsack Problem", Operations Research 27(3), 1979). What is left of the bytes goes to the meshes
-//! whose next step did not fit.
+//! Each way to treat a mesh has predicted bytes and a predicted cost, counted on sampled rays ([`super::tally`]); the
+//! worthwhile ones lie on the convex hull of cost over bytes. Steps along all hulls are taken in the order of their
+//! gain per byte until the bytes are used up, as G. B. Dantzig, "Discrete-Variable Extremum Problems", Operations
+//! Research 5(2), 1957, fills a knapsack (with the choice of one item of each class: P. Sinha, A. A. Zoltners, "The
+//! Multiple-Choice Knapsack Problem", Operations Research 27(3), 1979). Remaining bytes go to the meshes whose next
+//! step did not fit.
 
 use std::iter::repeat_n;
 
@@ -23,35 +23,35 @@ use crate::scene::{InstanceId, MeshId, Scene};
 use crate::tree::Quality;
 use rayon::prelude::*;
 
-/// Meshes of fewer triangles are not opened.
+/// Meshes with fewer triangles are not opened.
 const FEWEST_TRIANGLES: usize = 64;
 
-/// Boxes of pieces looked at, in all and for one mesh at most.
+/// Maximum number of boxes of pieces considered, in total and per mesh.
 const MOST_BOXES: usize = 1 << 21;
 const MOST_BOXES_A_MESH: usize = 1 << 18;
 
-/// A change must save more than this share of what the mesh costs, unless the number of pieces is given: then any saving
-/// will do.
+/// A change must save more than this share of the mesh's cost, unless the number of pieces is given: then any saving
+/// suffices.
 const WORTH_A_CHANGE: f64 = 0.05;
 
-/// Segments that must enter instances of a mesh for a prediction to mean anything.
+/// Number of segments that must enter instances of a mesh for a meaningful prediction.
 const FEWEST_MET: usize = 32;
 
-/// Segments sampled: at least, for each shared mesh, at most.
+/// Number of segments sampled: minimum, per shared mesh, and maximum.
 const SEGMENTS: usize = 4096;
 const SEGMENTS_A_MESH: usize = 64;
 const MOST_SEGMENTS: usize = 1 << 16;
 
-/// Boxes of which less than this share overlaps are apart.
+/// Boxes count as separate if their overlap is below this share of their area.
 const APART: f64 = 1e-3;
 
-/// Instances that a layout may come to by opening: a quarter of what devices take at least (2^24 - 1).
+/// Maximum number of instances in a layout due to opening: a quarter of the minimum that devices support (2^24 - 1).
 const MOST_PLACEMENTS: u64 = 1 << 22;
 
-/// Rounds after which no mesh is treated, if the method always needs more bytes than predicted.
+/// Number of rounds after which all instances are kept, if the method always needs more bytes than predicted.
 const MOST_ROUNDS: usize = 4;
 
-/// Runs a method on the instances chosen to be baked.
+/// Runs a method on the instances chosen for baking.
 pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Selection) -> Layout) -> Layout {
     let candidates = Candidates::of(scene, options);
     let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
@@ -60,7 +60,7 @@ pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Sel
         let plans = if round < MOST_ROUNDS { candidates.choose(allowed) } else { candidates.keep_all() };
         let mut layout = method(&candidates.select(scene, &plans));
         let excess = layout.as_bytes(scene) as f64 - most_bytes;
-        // NaN is no excess: a limit that is no number allows what the input takes.
+        // NaN is not an excess: a limit that is NaN allows what the input takes.
         let exceeds = excess > 0.0;
         if !exceeds || plans.iter().all(Plan::keeps) {
             layout.notes.extend(candidates.notes(scene, &plans, allowed));
@@ -72,31 +72,32 @@ pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Sel
     unreachable!("the last round keeps every instance")
 }
 
-/// A mesh that several instances place, and what may be done with it.
+/// A mesh that several instances place, and the plans for it.
 pub(super) struct Candidate {
     pub(super) id: MeshId,
     /// Its instances that are not pinned.
     pub(super) instances: Vec<InstanceId>,
-    /// `None` where nothing but keeping was looked at.
+    /// `None` if only keeping was considered.
     pub(super) looked_at: Option<LookedAt>,
     /// At least one; the first keeps all instances.
     pub(super) plans: Vec<Plan>,
 }
 
-/// What a mesh was found to be.
+/// Results of examining a mesh.
 pub(super) struct LookedAt {
     pub(super) mesh: Mesh,
-    /// The pieces for every way to open the mesh, parallel to [`Mesh::pieces`] but for the first, which keeps it whole.
+    /// The pieces for each way to open the mesh, parallel to [`Mesh::pieces`] without its first entry, which keeps the
+    /// mesh whole.
     pub(super) opened: Vec<Vec<Part>>,
 }
 
 pub(super) struct Candidates {
     pub(super) meshes: Vec<Candidate>,
-    /// Triangles of meshes that one instance places and that is not pinned.
+    /// Triangles of meshes that one unpinned instance places.
     base_triangles: u64,
-    /// Share of what a mesh costs that a change must save.
+    /// Share of a mesh's cost that a change must save.
     worth_a_change: f64,
-    /// Whether no mesh was looked at, because no two instance boxes overlap.
+    /// Whether no mesh was examined, because no two instance boxes overlap.
     pub(super) are_apart: bool,
 }
 
@@ -155,7 +156,8 @@ impl Candidates {
         self.meshes.iter().map(|m| m.plans[0]).collect()
     }
 
-    /// The plan for every mesh that gains most while all take at most `allowed` bytes more than the input.
+    /// Returns the plan for each mesh that gains most, while all together take at most `allowed` bytes more than the
+    /// input.
     pub(super) fn choose(&self, allowed: f64) -> Vec<Plan> {
         let hulls: Vec<Vec<Plan>> = self.meshes.iter().map(|m| hull(&m.plans)).collect();
         let mut steps: Vec<(f64, usize, usize)> = Vec::new();
@@ -168,7 +170,7 @@ impl Candidates {
         for &(_, m, i) in &steps {
             chosen.change(m, hulls[m][i], self.worth_a_change * self.meshes[m].plans[0].cost);
         }
-        // What remains may buy plans above the hulls.
+        // The remaining bytes may pay for plans above the hulls.
         for (m, mesh) in self.meshes.iter().enumerate() {
             let mut plans = mesh.plans.clone();
             plans.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -177,7 +179,7 @@ impl Candidates {
         chosen.plans
     }
 
-    /// The fate of every instance under the plans.
+    /// Returns the fate of each instance under the plans.
     pub(super) fn select(&self, scene: &Scene, plans: &[Plan]) -> Selection {
         let mut selection =
             Selection { fates: vec![Fate::Bake; scene.instances.len()], pieces: vec![Vec::new(); scene.meshes.len()] };
@@ -202,7 +204,7 @@ impl Candidates {
     }
 }
 
-/// Cuts a mesh and counts what its instances cost; `None` where rays cannot be counted.
+/// Cuts a mesh and counts the cost of its instances; `None` if rays cannot be counted.
 fn look_at(
     scene: &Scene,
     candidate: &Candidate,
@@ -224,7 +226,7 @@ fn look_at(
     let opened = if mesh.triangle_count() < FEWEST_TRIANGLES {
         Vec::new()
     } else {
-        // The copies of a node stand between it and a frame.
+        // The transforms of a node's copies apply between its mesh and the node, so that no frame can be added.
         let turns = !candidate.instances.iter().any(|i| scene.is_copied(scene.instances[i.0 as usize].node));
         pieces::levels(mesh, &tree, finest, turns && options.frames, options.pieces)
     };
@@ -240,7 +242,7 @@ fn look_at(
     Some(LookedAt { mesh, opened: opened.into_iter().map(parts).collect() })
 }
 
-/// What may still be spent.
+/// The remaining budget.
 struct Budget {
     bytes: f64,
     copied: u64,
@@ -255,14 +257,14 @@ impl Budget {
     }
 }
 
-/// Plans being chosen.
+/// The plans chosen so far.
 struct Chosen {
     plans: Vec<Plan>,
     left: Budget,
 }
 
 impl Chosen {
-    /// Changes the plan of a mesh where that saves more than `least` and the budget allows.
+    /// Changes the plan of a mesh if that saves more than `least` and fits the budget.
     fn change(&mut self, mesh: usize, to: Plan, least: f64) -> bool {
         let from = self.plans[mesh];
         let bytes = to.bytes - from.bytes;

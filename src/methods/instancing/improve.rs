@@ -1,10 +1,10 @@
-//! Two neighbouring pieces at a time, divided anew where that costs less.
+//! Redivides two neighbouring pieces at a time if that costs less.
 //!
-//! As D. Cohen-Steiner, P. Alliez, M. Desbrun, "Variational Shape Approximation", SIGGRAPH 2004, alternates between shapes and
-//! what each stands for, but for two pieces at a time, so that the sum never grows: all that is in either is cut across a few
-//! directions where the areas of the two boxes, each times the triangles within, come to least, the boxes turned as they are
-//! (in bins as in I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007); then
-//! the boxes are turned so that they fit what they now hold.
+//! Like D. Cohen-Steiner, P. Alliez, M. Desbrun, "Variational Shape Approximation", SIGGRAPH 2004, this alternates
+//! between shapes and their proxies, but for two pieces at a time, so that the sum never grows: the triangles of both
+//! are cut across a few directions where the sum of the areas of the two boxes, each times its triangles, is least,
+//! keeping the rotations of the boxes (in bins as in I. Wald, "On fast Construction of SAH-based Bounding Volume
+//! Hierarchies", Interactive Ray Tracing 2007); then the boxes are rotated to fit their new contents.
 
 use std::array::from_fn;
 use std::ops::Range;
@@ -14,17 +14,17 @@ use glam::{DMat3, DVec3};
 use super::pieces::{Cluster, Shaping};
 use crate::scene::{Bounds, Mesh};
 
-/// Bins across a direction.
+/// Number of bins along a direction.
 const BINS: usize = 64;
 
-/// Rounds over all pairs at most, and triangles of a mesh that are looked at in all of them together.
+/// Maximum number of rounds over all pairs, and of triangles of a mesh processed in all rounds together.
 const MOST_ROUNDS: usize = 6;
 const MOST_TRIANGLES: usize = 1 << 18;
 
-/// A cut must save more than this share of what two pieces cost.
+/// A cut must save more than this share of the cost of two pieces.
 const WORTH_A_CUT: f64 = 1e-3;
 
-/// Divides neighbours anew as long as that pays.
+/// Redivides neighbours as long as that pays off.
 pub(super) fn improve(mesh: &Mesh, clusters: &mut [Cluster], by: Shaping) {
     let rounds = (MOST_TRIANGLES / mesh.triangle_count().max(1)).min(MOST_ROUNDS);
     let mut changed = vec![true; clusters.len()];
@@ -42,7 +42,7 @@ pub(super) fn improve(mesh: &Mesh, clusters: &mut [Cluster], by: Shaping) {
     }
 }
 
-/// Pairs, ascending, of clusters whose boxes overlap along the axes of either.
+/// Returns pairs, in ascending order, of clusters whose boxes overlap along the axes of either.
 fn neighbours(clusters: &[Cluster]) -> Vec<[usize; 2]> {
     let span = |of: &Cluster, axes: &DMat3| Bounds::of(of.points.iter().map(|&p| *axes * p));
     let own: Vec<Bounds> = clusters.iter().map(|c| span(c, &c.axes)).collect();
@@ -51,7 +51,7 @@ fn neighbours(clusters: &[Cluster]) -> Vec<[usize; 2]> {
     pairs.filter(|&[a, b]| meets(a, b) && meets(b, a)).collect()
 }
 
-/// Divides two pieces anew if that pays.
+/// Redivides two pieces; returns whether that paid off.
 fn divide(mesh: &Mesh, clusters: &mut [Cluster], [a, b]: [usize; 2], by: Shaping) -> bool {
     let (one, other) = (&clusters[a], &clusters[b]);
     let (costs, count) = (one.cost() + other.cost(), one.triangles.len());
@@ -76,11 +76,11 @@ fn divide(mesh: &Mesh, clusters: &mut [Cluster], [a, b]: [usize; 2], by: Shaping
 struct Pair {
     triangles: Vec<u32>,
     middles: Vec<DVec3>,
-    /// Boxes of the triangles, along the axes of either piece.
+    /// Boxes of the triangles, along the axes of each piece.
     boxes: [Vec<Bounds>; 2],
 }
 
-/// Triangles whose middle lies in a bin before `bin` along a direction against the others.
+/// Separates triangles whose middle lies in a bin before `bin` along a direction from the others.
 struct Cut {
     cost: f64,
     along: DVec3,
@@ -102,14 +102,14 @@ impl Pair {
         middles.iter().sum::<DVec3>() / middles.len().max(1) as f64
     }
 
-    /// The bins of all triangles along a direction.
+    /// Returns the bin of each triangle along a direction.
     fn bins(&self, along: DVec3) -> Vec<usize> {
         let at: Vec<f64> = self.middles.iter().map(|m| along.dot(*m)).collect();
         let (least, most) = at.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
         at.iter().map(|x| (((x - least) / (most - least) * BINS as f64) as usize).min(BINS - 1)).collect()
     }
 
-    /// The cut of least cost across a direction.
+    /// Returns the cut of least cost across a direction.
     fn best_cut(&self, along: DVec3) -> Option<Cut> {
         let mut counts = [0usize; BINS];
         let mut boxes = [[Bounds::EMPTY; 2]; BINS];
@@ -131,7 +131,7 @@ impl Pair {
         (1..BINS).map(cut).filter(|cut| cut.cost.is_finite()).min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// The triangles on both sides of a cut.
+    /// Returns the triangles on each side of a cut.
     fn sides(&self, cut: &Cut) -> [Vec<u32>; 2] {
         let (mut near, mut far) = (Vec::new(), Vec::new());
         for (&triangle, bin) in self.triangles.iter().zip(self.bins(cut.along)) {
@@ -157,7 +157,8 @@ mod tests {
     const RINGS: usize = 160;
     const SIDES: usize = 12;
 
-    /// A tube of radius 0.2 along three quarters of a circle of radius 2, in a plane across the axes, its triangles shuffled.
+    /// A tube of radius 0.2 along three quarters of a circle of radius 2, in a plane oblique to the axes, its triangles
+    /// shuffled.
     fn bent_tube() -> Vec<[Vec3; 3]> {
         let (x, y) = (Vec3::new(1.0, 2.0, 2.0) / 3.0, Vec3::new(2.0, 1.0, -2.0) / 3.0);
         let point = |ring: usize, side: usize| {
@@ -171,7 +172,7 @@ mod tests {
             if i.is_multiple_of(2) { [a, b, c] } else { [a, c, d] }
         };
         let count = 2 * RINGS * SIDES;
-        // 1,009 is a prime and shares no factor with the count.
+        // 1,009 is a prime that does not divide the count.
         (0..count).map(|i| triangle(i * 1009 % count)).collect()
     }
 

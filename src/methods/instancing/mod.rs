@@ -1,9 +1,9 @@
-//! What a method may write out, and what stays instanced.
+//! Decides which instances a method may bake and which stay instanced.
 //!
-//! A mesh that one instance places costs nothing to restructure: the method gets it. For a mesh that several place,
-//! [`Instances`] says who decides: [`bake_or_keep`] bakes all of its instances or none, [`choose`] weighs keeping,
-//! opening and baking them against each other. Either holds two limits: [`InstanceOptions::max_bytes_ratio`] is the user's,
-//! and [`MOST_COPIED_TRIANGLES`] keeps a small file of many instances of a large mesh from exhausting memory.
+//! A mesh that one instance places costs nothing to restructure, so the method always gets it. For a mesh that several
+//! instances place, [`Instances`] selects the rule: [`bake_or_keep`] bakes all of its instances or none, [`choose`]
+//! weighs keeping, opening and baking them. Both obey two limits: [`InstanceOptions::max_bytes_ratio`] is the user's,
+//! and [`MOST_COPIED_TRIANGLES`] keeps a small file with many instances of a large mesh from exhausting memory.
 
 mod bake_or_keep;
 mod choose;
@@ -23,18 +23,18 @@ use crate::methods::{InstanceOptions, Instances};
 use crate::scene::{Bounds, InstanceId, Scene};
 use glam::DAffine3;
 
-/// Triangles written out for instances of shared meshes, at most: a few gigabytes of references, vertices and
+/// Maximum number of triangles written out for instances of shared meshes: a few gigabytes of references, vertices and
 /// indices.
 const MOST_COPIED_TRIANGLES: u64 = 1 << 26;
 
-/// Triangles restructured at most: `VkPhysicalDeviceAccelerationStructurePropertiesKHR::maxPrimitiveCount` is at
-/// least 2^29 - 1, and `single` puts all of them into one BLAS.
+/// Maximum number of triangles restructured: `VkPhysicalDeviceAccelerationStructurePropertiesKHR::maxPrimitiveCount` is
+/// at least 2^29 - 1, and `single` puts all of them into one BLAS.
 const MOST_TRIANGLES: u64 = (1 << 29) - 1;
 
-/// What becomes of an instance.
+/// The treatment of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fate {
-    /// It stays as it is.
+    /// It stays unchanged.
     Keep,
     /// The pieces of its mesh are placed instead of the mesh.
     Open,
@@ -42,20 +42,20 @@ enum Fate {
     Bake,
 }
 
-/// The instances of a scene parted into those that a method restructures and those that it leaves.
+/// Divides the instances of a scene into those that a method restructures and those that it leaves.
 pub(super) struct Selection {
     fates: Vec<Fate>,
-    /// The triangles of each piece of every mesh that is opened, parallel to the meshes.
+    /// The triangles of each piece of each opened mesh, parallel to the meshes.
     pieces: Vec<Vec<Part>>,
 }
 
 impl Selection {
-    /// The instances to be restructured, in the order of the scene.
+    /// Returns the instances to restructure, in scene order.
     pub(super) fn baked(&self) -> impl Iterator<Item = InstanceId> + '_ {
         (0u32..).zip(&self.fates).filter(|(_, fate)| **fate == Fate::Bake).map(|(i, _)| InstanceId(i))
     }
 
-    /// Adds the instances that are not restructured to a layout: as they are, or opened.
+    /// Adds the instances that are not restructured to a layout, unchanged or opened.
     pub(super) fn place_left(&self, layout: &mut Builder) {
         for (i, fate) in (0u32..).zip(&self.fates) {
             match fate {
@@ -66,7 +66,7 @@ impl Selection {
         }
     }
 
-    /// The world boxes of what [`Selection::place_left`] places.
+    /// Returns the world boxes of what [`Selection::place_left`] places.
     pub(super) fn left_bounds(&self, scene: &Scene) -> Vec<Bounds> {
         let of_piece = |mesh: usize, piece: &Part| {
             let into = piece.frame.inverse();
@@ -106,12 +106,12 @@ pub(super) fn bake_within_limits(
     }
 }
 
-/// Predicted bytes of the scene as the document has it, with the meshes for which others stand in.
+/// Predicts the bytes of the scene as stored in the document, including the meshes for which others stand in.
 fn input_bytes(scene: &Scene) -> u64 {
     bytes_of(scene, |_| true)
 }
 
-/// Predicted bytes of the scene as its instances place it.
+/// Predicts the bytes of the scene as its instances place it.
 fn placed_bytes(scene: &Scene) -> u64 {
     let mut placed = vec![false; scene.meshes.len()];
     scene.instances.iter().for_each(|i| placed[i.mesh.0 as usize] = true);

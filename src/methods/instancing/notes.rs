@@ -1,15 +1,16 @@
-//! What was chosen, and why.
+//! Notes on the plans chosen, with reasons.
 
 use super::choose::{Candidate, Candidates};
 use super::plan::Plan;
 use crate::layout::{Changed, Meshes, Note, Stay};
 use crate::scene::Scene;
 
-/// Meshes named one by one.
+/// Maximum number of meshes listed by name.
 const MOST_NAMED: usize = 16;
 
 impl Candidates {
-    /// What was chosen for which mesh, and why. `allowed` are the bytes allowed over the input's.
+    /// Returns notes on the plan chosen for each mesh, with reasons. `allowed` is the number of bytes allowed beyond
+    /// the input's.
     pub(super) fn notes(&self, scene: &Scene, plans: &[Plan], allowed: f64) -> Vec<Note> {
         if self.are_apart {
             let instances: usize = self.meshes.iter().map(|m| m.instances.len()).sum();
@@ -26,7 +27,7 @@ impl Candidates {
         notes
     }
 
-    /// Why some meshes stay instanced.
+    /// Returns notes on why some meshes stay instanced.
     fn kept_note(&self, scene: &Scene, kept: &[usize], allowed: f64) -> Vec<Note> {
         let unlimited = self.choose(f64::INFINITY);
         let bytes = Stay::Bytes { allowed: allowed.max(0.0) };

@@ -1,11 +1,12 @@
-//! Pieces that the instances of a mesh may be opened into, each stored in the frame that fits it best.
+//! Pieces into which the instances of a mesh may be opened, each stored in the frame that fits it best.
 //!
-//! Opening instances is C. Benthin, S. Woop, I. Wald, A. Áfra, "Improved Two-Level BVHs using Partial Re-Braiding", High
-//! Performance Graphics 2017, done to the file. Other than there, all instances of a mesh share the pieces, so that these need
-//! not be nodes of one tree, nor be boxed along the axes of the mesh: small parts are joined bottom-up, always the two by which
-//! the surface area heuristic's sum grows least (B. Walter, K. Bala, M. Kulkarni, K. Pingali, "Fast Agglomerative
-//! Clustering for Rendering", Interactive Ray Tracing 2008), the areas being those of turned boxes; and after every few joins
-//! neighbours are divided anew ([`super::improve`]). The instance undoes the frame of a piece, which costs no bytes.
+//! Opening instances is from C. Benthin, S. Woop, I. Wald, A. Áfra, "Improved Two-Level BVHs using Partial
+//! Re-Braiding", High Performance Graphics 2017, applied to the file. Unlike there, all instances of a mesh share the
+//! pieces, so the pieces need not be nodes of one tree, nor have boxes along the axes of the mesh: small parts are
+//! joined bottom-up, always the two for which the surface area heuristic's sum grows least (B. Walter, K. Bala, M.
+//! Kulkarni, K. Pingali, "Fast Agglomerative Clustering for Rendering", Interactive Ray Tracing 2008), with the areas
+//! of rotated boxes; after every few joins, neighbours are redivided ([`super::improve`]). The instance undoes the
+//! frame of a piece, which costs no bytes.
 
 use std::f64::consts::PI;
 
@@ -18,30 +19,31 @@ use crate::layout::builder::Part;
 use crate::scene::{Bounds, Mesh};
 use crate::tree::Quality;
 
-/// Pieces that a mesh may be opened into. One piece is the mesh itself, turned.
+/// Numbers of pieces that a mesh may be opened into. One piece is the mesh itself, rotated.
 pub(super) const PIECES: [usize; 11] = [1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64];
 
-/// Small parts that pieces are made of, at most.
+/// Maximum number of small parts that pieces are made of.
 const PARTS: usize = 192;
 
-/// Share of the clusters that are left before they are improved, and how many are few enough for that.
+/// Share of the clusters that remain at each improvement, and the number of clusters from which on they are improved.
 const KEPT_AT_ONCE: f64 = 0.75;
 const FIRST_IMPROVED: usize = 96;
 
-/// Parts that are tried as partners of a part: those next to it.
+/// Number of nearby parts tried as partners of a part.
 const PARTNERS: usize = 8;
 
-/// Directions in which the outermost points of a part stand for it.
+/// Number of directions in which the outermost points of a part represent it.
 const DIRECTIONS: usize = 25;
 
-/// So many pieces at most may be as joining leaves them: a smaller sum of areas does not always mean that fewer of so few
-/// are met.
+/// Up to this many pieces, the result of joining without improvement is also tried: a smaller sum of areas does not
+/// always mean that rays meet fewer of so few pieces.
 const MOST_JOINED: usize = 8;
 
-/// A turned box must have less than this share of the area of the one along the axes of the mesh.
+/// A rotated box is used if its area is below this share of that of the box along the axes of the mesh.
 const WORTH_A_TURN: f64 = 0.97;
 
-/// Triangles that trees are built over for all numbers of pieces of a mesh together; of a larger mesh fewer are tried.
+/// Maximum number of triangles for which trees are built over all numbers of pieces of a mesh; fewer numbers are tried
+/// for larger meshes.
 const MOST_TRIANGLES: usize = 1 << 21;
 
 /// A piece with a tree over its triangles, in its frame.
@@ -50,8 +52,8 @@ pub(super) struct Piece {
     pub(super) tree: Boxed,
 }
 
-/// The pieces of a mesh for each of some numbers of them, ascending: for `only` that number where there is one. Frames are
-/// the identity unless the mesh `turns`.
+/// Returns the pieces of a mesh for several numbers of pieces, in ascending order; only for the number `only` if given.
+/// Frames are the identity unless the mesh `turns`.
 pub(super) fn levels(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: Option<u32>) -> Vec<Vec<Piece>> {
     let tried = (MOST_TRIANGLES / mesh.triangle_count().max(1)).max(1);
     let every = PIECES.len().div_ceil(tried);
@@ -70,17 +72,17 @@ pub(super) fn levels(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: 
     levels
 }
 
-/// How clusters are made.
+/// How to form clusters.
 #[derive(Clone, Copy)]
 pub(super) struct Shaping {
-    /// Whether boxes are turned.
+    /// Whether boxes are rotated.
     pub(super) turns: bool,
-    /// Whether neighbours are divided anew. What lies equally far out then stands for a part by the first of its points, else
-    /// by the last: other parts are joined, so that the two ways differ where many are as good.
+    /// Whether neighbours are redivided. If so, ties for the outermost point of a part go to the first point, else to
+    /// the last: different parts are then joined, so the two ways differ if many parts are equally good.
     pub(super) improves: bool,
 }
 
-/// Some triangles, and the turned box around them.
+/// Some triangles and their rotated box.
 #[derive(Clone)]
 pub(super) struct Cluster {
     pub(super) triangles: Vec<u32>,
@@ -88,13 +90,13 @@ pub(super) struct Cluster {
     pub(super) points: Vec<DVec3>,
     /// Box from mesh.
     pub(super) axes: DMat3,
-    /// Of the box.
+    /// Area of the box.
     area: f64,
 }
 
-/// The clusters for each wanted number of them, in descending order.
+/// Returns the clusters for each wanted number, in descending order.
 ///
-/// What was joined is improved on the way, since joined parts never come apart again.
+/// Clusters are improved along the way, because joined parts never separate again.
 pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], by: Shaping) -> Vec<Vec<Cluster>> {
     let parts = Cuts::of_equal_parts(tree, PARTS);
     let mut clusters: Vec<Cluster> = parts.into_iter().map(|t| Cluster::new(mesh, t, by)).collect();
@@ -118,7 +120,7 @@ pub(super) fn joined(mesh: &Mesh, tree: &Boxed, wanted: &[usize], by: Shaping) -
 /// Clusters being joined.
 struct Joining {
     clusters: Vec<Option<Cluster>>,
-    /// For each cluster its best partner and what joining the two adds.
+    /// For each cluster, its best partner and the cost added by joining them.
     best: Vec<Option<(f64, usize)>>,
     left: usize,
     by: Shaping,
@@ -133,13 +135,13 @@ impl Joining {
         joining
     }
 
-    /// Joins until only so many are left.
+    /// Joins clusters until only `count` are left.
     fn join_to(mut self, count: usize) -> Vec<Cluster> {
         while self.left > count && self.join_next() {}
         self.clusters.into_iter().flatten().collect()
     }
 
-    /// Joins the two clusters that are best joined, the first of equal ones; false where no two are left.
+    /// Joins the two clusters that are cheapest to join, the first of equal ones; returns false if no two are left.
     fn join_next(&mut self) -> bool {
         let found = self.best.iter().enumerate().filter_map(|(i, best)| best.map(|(cost, partner)| (cost, i, partner)));
         let Some((_, a, b)) = found.min_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1))) else { return false };
@@ -157,7 +159,8 @@ impl Joining {
         true
     }
 
-    /// The partner of a cluster by whose joining the sum grows least, of those whose boxes along the axes promise most.
+    /// Returns the partner of a cluster for which the sum grows least, among those with the most promising axis-aligned
+    /// boxes.
     fn best_partner(&self, at: usize) -> Option<(f64, usize)> {
         let of = self.clusters[at].as_ref()?;
         let around = Bounds::of(of.points.iter().copied());
@@ -186,7 +189,7 @@ impl Cluster {
         Cluster { triangles, points: outermost(&both, by), axes, area }
     }
 
-    /// As [`Cluster::new`], of triangles near those whose axes are given.
+    /// Like [`Cluster::new`], for triangles near clusters whose axes are given.
     pub(super) fn near(mesh: &Mesh, triangles: Vec<u32>, given: &[DMat3], by: Shaping) -> Cluster {
         let mut cluster = Cluster::new(mesh, triangles, by);
         if by.turns {
@@ -197,12 +200,12 @@ impl Cluster {
         cluster
     }
 
-    /// The area times the triangles within.
+    /// Returns the area times the number of triangles.
     pub(super) fn cost(&self) -> f64 {
         self.area * self.triangles.len() as f64
     }
 
-    /// By how much the sum of areas, each times the triangles within, grows.
+    /// Returns the growth of the sum of areas, each times its triangles.
     fn cost_of_joining(&self, other: &Cluster, by: Shaping) -> f64 {
         let both = [self.points.as_slice(), &other.points].concat();
         let (area, _) = best_axes(&both, &[self.axes, other.axes], by.turns);
@@ -210,13 +213,13 @@ impl Cluster {
         area * (a + b) - self.cost() - other.cost()
     }
 
-    /// The piece, in a frame around its middle, or as it is stored where turning it gains too little.
+    /// Returns the piece in a frame around its middle, or unrotated if rotation gains too little.
     fn piece(mut self, mesh: &Mesh, turns: bool) -> Piece {
         self.triangles.sort_unstable();
         let corners: Vec<DVec3> = self.triangles.iter().flat_map(|&t| mesh.corners(t)).map(|p| p.as_dvec3()).collect();
         let along = Bounds::of(corners.iter().copied());
         let axes = if turns { refined(&self.points, self.axes) } else { DMat3::IDENTITY };
-        // Rows and columns of a rotation are those of its inverse.
+        // The rows of a rotation are the columns of its inverse.
         let rotation = DMat3::from_cols_array(&axes.transpose().to_cols_array().map(|c| f64::from(c as f32)));
         let into = DAffine3::from_mat3(rotation).inverse();
         let turned = Bounds::of(corners.iter().map(|&p| into.transform_point3(p)));
@@ -231,8 +234,8 @@ impl Cluster {
     }
 }
 
-/// The outermost points in directions spread evenly over half a sphere (R. Swinbank, R. Purser, "Fibonacci Grids", 2006),
-/// each once.
+/// Returns the outermost points in directions distributed evenly over half a sphere (R. Swinbank, R. Purser, "Fibonacci
+/// Grids", 2006), without duplicates.
 fn outermost(points: &[DVec3], by: Shaping) -> Vec<DVec3> {
     let golden = PI * (3.0 - 5f64.sqrt());
     let direction = |i: usize| {
@@ -259,8 +262,8 @@ fn outermost(points: &[DVec3], by: Shaping) -> Vec<DVec3> {
     found.into_iter().map(|i| points[i]).collect()
 }
 
-/// The axes of least box area among those of the mesh, those given, and the principal axes of the points turned about
-/// each of them.
+/// Returns the axes of least box area among those of the mesh, those given, and the principal axes of the points
+/// rotated about each of them.
 fn best_axes(points: &[DVec3], given: &[DMat3], turns: bool) -> (f64, DMat3) {
     let mut best = (area(points, &DMat3::IDENTITY), DMat3::IDENTITY);
     if !turns {
@@ -278,8 +281,8 @@ fn best_axes(points: &[DVec3], given: &[DMat3], turns: bool) -> (f64, DMat3) {
     best
 }
 
-/// Axes turned step by step as long as the box becomes smaller (R. Hooke, T. Jeeves, "Direct Search Solution of Numerical
-/// and Statistical Problems", Journal of the ACM 8(2), 1961).
+/// Rotates axes step by step as long as the box shrinks (R. Hooke, T. Jeeves, "Direct Search Solution of Numerical and
+/// Statistical Problems", Journal of the ACM 8(2), 1961).
 fn refined(points: &[DVec3], axes: DMat3) -> DMat3 {
     let (mut best, mut step) = ((area(points, &axes), axes), 0.2);
     while step > 1e-4 {
@@ -302,8 +305,9 @@ fn area(points: &[DVec3], axes: &DMat3) -> f64 {
     Bounds::of(points.iter().map(|&p| *axes * p)).area()
 }
 
-/// The directions in which points are spread most, next and least, as rows: eigenvectors of their covariance, by the
-/// rotations of C. Jacobi, "Über ein leichtes Verfahren", Journal für die reine und angewandte Mathematik 30, 1846.
+/// Returns the directions of largest, middle and smallest spread of the points, as rows: eigenvectors of their
+/// covariance, by the rotations of C. Jacobi, "Über ein leichtes Verfahren", Journal für die reine und angewandte
+/// Mathematik 30, 1846.
 fn principal_axes(points: &[DVec3]) -> DMat3 {
     let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let mut spread = DMat3::ZERO;
@@ -331,7 +335,7 @@ mod tests {
     use crate::scene::Scene;
     use glam::Vec3;
 
-    /// Rods of a given length along turned directions, in a row.
+    /// Parallel rods in a row, rotated by `turned`.
     fn rods(count: usize, turned: DMat3) -> Scene {
         let rod = |i: usize| -> Vec<[Vec3; 3]> {
             let at = |x: f64, y: f64| (turned * DVec3::new(x, y + 3.0 * i as f64, 0.0)).as_vec3();

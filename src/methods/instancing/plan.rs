@@ -1,30 +1,30 @@
-//! What could be done with the instances of one mesh, and what it would take and cost.
+//! Plans for the instances of one mesh, with their bytes and costs.
 
 use super::tally::{Count, Tally};
 use crate::cost::bytes;
 
-/// Bytes of a baked group that a device's caches hold, and by which share a step within a group costs more for every
-/// time the group doubles beyond: the last-level cache of an NVIDIA H200 is 50 MB.
+/// Size of a baked group in bytes that fits in a device's caches, and the relative cost increase of a step within a
+/// group each time its size doubles beyond that: the last-level cache of an NVIDIA H200 is 50 MB.
 const CACHE_BYTES: f64 = 50e6;
 const DEARER_PER_DOUBLING: f64 = 0.25;
 
-/// Shares of the instances that may be baked, and of the others that may be opened; those that gain most by being baked
-/// come first.
+/// Shares of the instances that may be baked, and of the others that may be opened; those that gain most by baking come
+/// first.
 const BAKED_SHARES: [f64; 5] = [0.0, 0.125, 0.25, 0.5, 1.0];
 const OPENED_SHARES: [f64; 4] = [0.125, 0.25, 0.5, 1.0];
 
-/// Something to be done with the instances of a mesh.
+/// A plan for the instances of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plan {
-    /// What instances are opened into: an index into [`Mesh::pieces`]; 0 where none is.
+    /// What instances are opened into: an index into [`Mesh::pieces`]; 0 if none are opened.
     pub(super) level: usize,
-    /// Nodes whose instances are baked: the first of [`Mesh::order`].
+    /// Number of nodes whose instances are baked: the first of [`Mesh::order`].
     pub(super) baked: usize,
-    /// Nodes whose instances are opened: the next of them. The others keep theirs.
+    /// Number of nodes whose instances are opened: the next ones. The others keep theirs.
     pub(super) opened: usize,
     /// Predicted bytes of the structures of the mesh.
     pub(super) bytes: f64,
-    /// Predicted cost: steps of all segments.
+    /// Predicted cost: total steps of all segments.
     pub(super) cost: f64,
     /// Triangles written out.
     pub(super) copied: u64,
@@ -33,11 +33,11 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// To keep all instances of a mesh that was not looked at; its bytes are not of interest.
+    /// Keeps all instances of a mesh that was not examined; its bytes do not matter.
     pub(super) const NONE: Plan =
         Plan { level: 0, baked: 0, opened: 0, bytes: 0.0, cost: 0.0, copied: 0, placements: 0 };
 
-    /// Whether all instances stay as they are.
+    /// Whether all instances stay unchanged.
     pub(super) fn keeps(&self) -> bool {
         self.level == 0 && self.baked == 0
     }
@@ -46,19 +46,19 @@ impl Plan {
 /// A mesh that several instances place, some of which need not stay.
 pub(super) struct Mesh {
     pub(super) triangles: u64,
-    /// Triangles of each piece, for every way to open the mesh; the first keeps it whole.
+    /// Triangles of each piece, for each way to open the mesh; the first way keeps it whole.
     pub(super) pieces: Vec<Vec<u64>>,
-    /// Instances (indices into those counted) of every node; the copies of a node share their fate.
+    /// Instances of each node (indices into those counted); the copies of a node share their fate.
     pub(super) nodes: Vec<Vec<usize>>,
-    /// Nodes by what they gain from being baked, most first.
+    /// Nodes in descending order of their gain from baking.
     pub(super) order: Vec<usize>,
-    /// Instances that must stay as they are.
+    /// Number of instances that must stay unchanged.
     pub(super) pinned: u64,
     pub(super) tally: Tally,
 }
 
 impl Mesh {
-    /// Sorts the nodes and makes the mesh.
+    /// Creates the mesh with its nodes sorted.
     pub(super) fn new(
         triangles: u64,
         pieces: Vec<Vec<u64>>,
@@ -77,8 +77,9 @@ impl Mesh {
         Mesh { triangles, pieces, nodes, order, pinned, tally }
     }
 
-    /// All plans; the first keeps every instance. `has_base` says whether triangles are baked anyway, so that baked
-    /// instances need no group, and so no entry, of their own, `all_alike` whether all that are not baked are opened or none.
+    /// Returns all plans; the first keeps each instance. `has_base` says whether other triangles are baked anyway, so
+    /// that baked instances need no group, and so no entry, of their own; `all_alike` whether either all instances that
+    /// are not baked are opened or none.
     pub(super) fn plans(&self, entry_cost: f64, has_base: bool, all_alike: bool) -> Vec<Plan> {
         let usable = |&level: &usize| level > 0 && !self.tally.levels[level].is_empty();
         let levels: Vec<usize> = (0..self.tally.levels.len()).filter(usable).collect();
@@ -133,13 +134,13 @@ fn price(count: Count, entry_cost: f64) -> f64 {
     entry_cost * count.entries + count.steps
 }
 
-/// How much dearer a step is in a group of so many bytes.
+/// Returns the factor by which a step is more expensive in a group of this size.
 fn dearer(bytes: f64) -> f64 {
     1.0 + DEARER_PER_DOUBLING * (bytes / CACHE_BYTES).max(1.0).log2()
 }
 
-/// The plans on the lower convex hull of cost over bytes, from the first plan on: each costs less than the one before
-/// and, but for those that take no more bytes than the first, gains less a byte.
+/// Returns the plans on the lower convex hull of cost over bytes, starting at the first plan: each costs less than the
+/// previous one and, except for those that take no more bytes than the first, gains less per byte.
 pub(super) fn hull(plans: &[Plan]) -> Vec<Plan> {
     let mut sorted = plans.to_vec();
     sorted.sort_by(|a, b| a.bytes.total_cmp(&b.bytes).then(a.cost.total_cmp(&b.cost)));
@@ -158,7 +159,7 @@ pub(super) fn hull(plans: &[Plan]) -> Vec<Plan> {
     hull
 }
 
-/// What a change of plan gains for each byte it takes; infinite where it takes none.
+/// Returns the gain of a change of plan per byte it takes; infinite if it takes none.
 pub(super) fn gain_a_byte(from: &Plan, to: &Plan) -> f64 {
     let bytes = to.bytes - from.bytes;
     if bytes > 0.0 { (from.cost - to.cost) / bytes } else { f64::INFINITY }

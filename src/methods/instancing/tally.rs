@@ -1,4 +1,4 @@
-//! What the instances of a mesh cost rays, whole, opened, and baked, counted on sampled segments.
+//! The cost of the instances of a mesh for rays, kept whole, opened, or baked, counted on sampled segments.
 
 use glam::DAffine3;
 use rayon::prelude::*;
@@ -9,11 +9,11 @@ use crate::cost::segments::{Boxed, Segment};
 use crate::scene::{Bounds, InstanceId, Mesh, Scene};
 use crate::tree::Quality;
 
-/// Triangles up to which boxes of baked parts are those of the placed triangles, and not of transformed boxes.
+/// Up to this many triangles, boxes of baked parts are those of the placed triangles, not transformed boxes.
 const MOST_EXACT_TRIANGLES: usize = 1 << 24;
 
-/// How often segments enter an instance, or its pieces, and how many nodes they then pass, those of the top-level tree
-/// over the instances of the mesh shared out by entries.
+/// How often segments enter an instance, or its pieces, and how many nodes they then visit, including nodes of the
+/// top-level tree over the instances of the mesh, shared out by entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Count {
     pub(super) entries: f64,
@@ -22,16 +22,16 @@ pub(super) struct Count {
 
 /// The counts of a mesh.
 pub(super) struct Tally {
-    /// For every way to open the instances, the first of which keeps them whole, and for every instance; empty for one
-    /// that was not tried, whose boxes would be too many.
+    /// For each way to open the instances (the first keeps them whole) and each instance; empty for ways that were not
+    /// tried because there would be too many boxes.
     pub(super) levels: Vec<Vec<Count>>,
-    /// For every instance if all are baked, with no entries.
+    /// For each instance if all are baked, with no entries.
     pub(super) baked: Vec<Count>,
     /// Segments that enter at least one of the instances.
     pub(super) met: usize,
 }
 
-/// Some instances of a mesh among the segments of the scene.
+/// Some instances of a mesh, and the segments of the scene.
 pub(super) struct Counted<'a> {
     mesh: &'a Mesh,
     tree: &'a Boxed,
@@ -42,13 +42,13 @@ pub(super) struct Counted<'a> {
     segments: &'a [Segment],
 }
 
-/// What is entered of each instance: the box of a node of the tree below, and how a segment goes on there.
+/// A part of each instance that is entered: the box of a node of the tree below, and how a segment continues there.
 struct Part<'a> {
     tree: &'a Boxed,
     root: usize,
     /// Mesh from the coordinates of the tree.
     frame: DAffine3,
-    /// The other way.
+    /// The inverse of `frame`.
     into: DAffine3,
 }
 
@@ -64,11 +64,11 @@ impl<'a> Counted<'a> {
         Counted { mesh: scene.mesh_of(instances[0]), tree, placed, into, segments }
     }
 
-    /// Counts the instances whole, opened into pieces where these have no more than `most_boxes` boxes, and baked.
+    /// Counts the instances whole, opened into pieces if these have at most `most_boxes` boxes, and baked.
     ///
-    /// The tree that a driver makes of baked instances is not built. A tree over the parts of a cut, as fine as
-    /// `most_boxes` allows, with the mesh's own tree below each, is one over the same triangles and costs at least as
-    /// much.
+    /// The tree that a driver builds over baked instances is not built. Instead, a tree over the parts of a cut, as
+    /// fine as `most_boxes` allows, with the mesh's own tree below each part, is a tree over the same triangles and
+    /// costs at least as much.
     pub(super) fn tally(&self, cuts: &Cuts, opened: &[Vec<Piece>], most_boxes: usize) -> Tally {
         let part = |root: u32| self.part(root);
         let (whole, met) = self.count(&[part(0)], None);
@@ -86,12 +86,13 @@ impl<'a> Counted<'a> {
         Tally { levels, baked, met }
     }
 
-    /// What is below a node of the mesh's tree.
+    /// Returns the part below a node of the mesh's tree.
     fn part(&self, root: u32) -> Part<'a> {
         Part { tree: self.tree, root: root as usize, frame: DAffine3::IDENTITY, into: DAffine3::IDENTITY }
     }
 
-    /// World boxes of the triangles below each of some nodes, instance by instance, if these are not too many.
+    /// Returns the world boxes of the triangles below each of some nodes, instance by instance; `None` if there are too
+    /// many.
     fn exact_boxes(&self, roots: &[u32]) -> Option<Vec<Bounds>> {
         if self.mesh.triangle_count().saturating_mul(self.placed.len()) > MOST_EXACT_TRIANGLES {
             return None;
@@ -104,8 +105,8 @@ impl<'a> Counted<'a> {
         Some(self.placed.par_iter().flat_map_iter(of_instance).collect())
     }
 
-    /// What every instance costs, entered part by part, and how many segments enter any. `boxes` are those of the parts,
-    /// instance by instance, where they are not those of a driver.
+    /// Counts the cost of each instance, entered part by part, and the segments that enter any. `boxes` are those of
+    /// the parts, instance by instance, if they differ from those of a driver.
     fn count(&self, parts: &[Part], boxes: Option<Vec<Bounds>>) -> (Vec<Count>, usize) {
         let of_instance = |by: &DAffine3| -> Vec<Bounds> {
             parts.iter().map(|part| part.tree.bounds[part.root].transformed(&(*by * part.frame))).collect()
@@ -137,8 +138,8 @@ impl<'a> Counted<'a> {
         (sums.iter().map(of_instance).collect(), (scale * met as f64) as usize)
     }
 
-    /// The nodes of the top-level tree that a segment passes, and for each part entered its instance and the nodes passed
-    /// within.
+    /// Returns the number of top-level nodes that a segment visits, and for each part entered its instance and the
+    /// number of nodes visited within.
     fn pass(&self, top: &Boxed, parts: &[Part], segment: &Segment) -> (u64, Vec<(u32, u64)>) {
         let (mut steps, mut items) = (0, Vec::new());
         top.visit(&mut { *segment }, |node, _| {
@@ -163,8 +164,8 @@ impl<'a> Part<'a> {
     }
 }
 
-/// Segments worked on at a time: what they pass is held for so many.
+/// Segments per round; their results are held in memory until the round ends.
 const BLOCK: usize = 64;
 
-/// Entries into parts after which those counted stand for all.
+/// Number of entries into parts after which those counted represent all.
 const MOST_ENTRIES: usize = 1 << 20;

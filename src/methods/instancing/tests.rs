@@ -1,4 +1,4 @@
-//! What is chosen for generated instances.
+//! The choices for generated instances.
 
 use std::f32::consts::TAU;
 
@@ -18,7 +18,7 @@ fn choose(max_bytes_ratio: Option<f64>) -> InstanceOptions {
     InstanceOptions { max_bytes_ratio, shared: Instances::Choose, ..InstanceOptions::default() }
 }
 
-/// `single` with these instances.
+/// Runs `single` with these instance options.
 fn single_with(scene: &Scene, instances: &InstanceOptions) -> Layout {
     single(scene, instances, &PartOptions::default())
 }
@@ -47,12 +47,12 @@ fn knot(rings: usize, sides: usize) -> Vec<[Vec3; 3]> {
     (0..rings * sides).flat_map(quad).collect()
 }
 
-/// Numbers in [0, 1), evenly spread: the additive recurrence of the plastic constant's powers.
+/// Returns evenly distributed numbers in [0, 1): the additive recurrence of the plastic constant's powers.
 fn spread(i: usize) -> DVec3 {
     (DVec3::new(0.819_172_513, 0.671_043_607, 0.549_700_478) * i as f64).fract()
 }
 
-/// So many turned knots in a cube, each `size` times as large.
+/// Places `count` rotated knots in a cube, each scaled by `size`.
 fn knots(count: usize, size: f64) -> SceneBuilder {
     let mut builder = SceneBuilder::default();
     let mesh = builder.mesh("knot", vec![(0, knot(60, 8))]);
