@@ -1,18 +1,18 @@
-//! Frames whose axes change places.
+//! Frames with permuted axes.
 //!
-//! The boxes of triangles are the same along axes that are exchanged or turned over, and no coordinate is rounded. Still a
-//! driver builds another tree: orders along a Morton curve and ties depend on which axis comes first and where it points.
-//! Which way is fastest can only be measured.
+//! Triangle boxes are the same along axes that are swapped or reversed, and no coordinate is rounded. Yet a driver
+//! builds a different tree: Morton order and ties depend on which axis comes first and where it points. Only
+//! measurement shows which permutation is fastest.
 
 use glam::{DMat3, DVec3};
 
 use crate::layout::{Content, Layout};
 use crate::scene::Scene;
 
-/// Ways to lay three axes along three axes without mirroring.
+/// Number of ways to map three axes to three axes without mirroring.
 pub(crate) const WAYS: u8 = 24;
 
-/// One of the ways: a rotation of which each column is an axis, or its opposite. The first is the identity.
+/// Returns one of the ways: a rotation whose columns are axes or their opposites. The first is the identity.
 pub(super) fn way(number: u8) -> DMat3 {
     let (first, second, signs) = (number / 8 % 3, number / 4 % 2, number % 4);
     let axis = |i: u8| DVec3::AXES[usize::from(i % 3)];
@@ -22,12 +22,12 @@ pub(super) fn way(number: u8) -> DMat3 {
     DMat3::from_cols(x, y, x.cross(y))
 }
 
-/// Whether frames have the same axes, but for their places and signs.
+/// Whether frames have the same axes, up to order and signs.
 pub(super) fn are_alike(a: &DMat3, b: &DMat3) -> bool {
     (0..WAYS).any(|number| *a * way(number) == *b)
 }
 
-/// Lays the axes of all groups that are rewritten along those of their frames in one of the ways; 0 changes nothing.
+/// Permutes the axes of the frames of all rewritten groups in one of the ways; 0 changes nothing.
 pub(crate) fn turn_axes(layout: &mut Layout, number: u8) {
     let turn = way(number);
     for group in &mut layout.groups {
@@ -43,7 +43,7 @@ pub(crate) fn turn_axes(layout: &mut Layout, number: u8) {
     }
 }
 
-/// The same for the scene that a layout comes to ([`super::stored()`]), of which the meshes that are rewritten are told.
+/// Like [`turn_axes`], for the scene that a layout results in ([`super::stored()`]); `is_rewritten` is by mesh.
 pub(crate) fn turn_stored(scene: &Scene, is_rewritten: &[bool], number: u8) -> Scene {
     let turn = way(number);
     let back = turn.transpose();

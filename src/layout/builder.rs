@@ -1,4 +1,4 @@
-//! Puts layouts together: kept meshes, pieces of meshes, baked groups.
+//! Builds layouts from kept meshes, pieces of meshes, and baked groups.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use glam::DAffine3;
 use crate::layout::{Content, Group, GroupGeometry, Layout, Note, Placement};
 use crate::scene::{Geometry, InstanceId, Mesh, MeshId, Scene, TriangleRef};
 
-/// A geometry as an instance places it: what the thesis calls an object.
+/// A geometry placed by an instance: what the thesis calls an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Object {
     /// Index into [`Scene::instances`].
@@ -16,32 +16,32 @@ pub(crate) struct Object {
     pub(crate) geometry: u32,
 }
 
-/// Some triangles of a mesh, or all.
+/// Some or all triangles of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Part {
-    /// In ascending order.
+    /// Triangles in ascending order.
     pub(crate) triangles: Vec<u32>,
     /// As in [`Content::Piece`].
     pub(crate) frame: DAffine3,
 }
 
-/// What decides whether triangles may share a geometry.
+/// Triangles may share a geometry if their keys are equal.
 pub(crate) type GeometryKey = (Option<u32>, u32);
 
 impl Object {
-    /// The geometry placed.
+    /// Returns the placed geometry.
     pub(crate) fn geometry(self, scene: &Scene) -> &Geometry {
         &scene.mesh_of(InstanceId(self.instance)).geometries[self.geometry as usize]
     }
 
-    /// The placed triangles, in file order.
+    /// Returns the placed triangles, in file order.
     pub(crate) fn triangles(self, scene: &Scene) -> impl Iterator<Item = TriangleRef> + use<> {
         let g = self.geometry(scene);
         let first = g.first_triangle;
         (first..first + g.triangles.len() as u32).map(move |triangle| TriangleRef { instance: self.instance, triangle })
     }
 
-    /// The name of the object: that of its node, else of its mesh; followed by the number of the geometry if
+    /// Returns the name of the object: that of its node, else of its mesh, followed by the number of the geometry if
     /// the mesh has several.
     pub(crate) fn name(self, scene: &Scene) -> String {
         let mesh = scene.mesh_of(InstanceId(self.instance));
@@ -50,7 +50,7 @@ impl Object {
     }
 }
 
-/// The objects of some instances, in the order of the scene.
+/// Returns the objects of some instances, in scene order.
 pub(crate) fn objects(scene: &Scene, instances: impl IntoIterator<Item = InstanceId>) -> Vec<Object> {
     let of_instance = |i: InstanceId| {
         let count = scene.mesh_of(i).geometries.len() as u32;
@@ -59,7 +59,7 @@ pub(crate) fn objects(scene: &Scene, instances: impl IntoIterator<Item = Instanc
     instances.into_iter().flat_map(of_instance).collect()
 }
 
-/// The key of a geometry.
+/// Returns the key of a geometry.
 pub(crate) fn key(geometry: &Geometry) -> GeometryKey {
     (geometry.material, geometry.merge_class)
 }
@@ -69,7 +69,7 @@ pub(crate) fn key(geometry: &Geometry) -> GeometryKey {
 pub(crate) struct Geometries(BTreeMap<GeometryKey, GroupGeometry>);
 
 impl Geometries {
-    /// Appends triangles that lie in a geometry of the scene.
+    /// Appends triangles that belong to a geometry of the scene.
     pub(crate) fn add(&mut self, of: &Geometry, triangles: impl Iterator<Item = TriangleRef>) {
         let (material, merge_class) = key(of);
         let entry = self.0.entry(key(of)).or_insert_with(|| GroupGeometry {
@@ -81,7 +81,7 @@ impl Geometries {
         entry.triangles.extend(triangles);
     }
 
-    /// The geometries.
+    /// Returns the geometries.
     pub(crate) fn finish(self) -> Vec<GroupGeometry> {
         let fitted = |mut geometry: GroupGeometry| {
             geometry.triangles.shrink_to_fit();
@@ -91,20 +91,20 @@ impl Geometries {
     }
 }
 
-/// A layout under construction. Meshes and their pieces become one group each, however many instances place them.
+/// A layout under construction. Each mesh or piece becomes one group, no matter how many instances place it.
 pub(crate) struct Builder<'a> {
     scene: &'a Scene,
     first_instance: Vec<u32>,
     whole: Vec<Option<u32>>,
     pieces: BTreeMap<(MeshId, u32), u32>,
-    /// The groups of the pieces of each mesh that is opened.
+    /// The groups of the pieces of each opened mesh.
     opened: BTreeMap<MeshId, Vec<u32>>,
     layout: Layout,
     baked: Vec<Group>,
 }
 
 impl<'a> Builder<'a> {
-    /// An empty layout.
+    /// Creates an empty layout.
     pub(crate) fn new(scene: &'a Scene) -> Self {
         Builder {
             scene,
@@ -117,8 +117,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Leaves an instance as it is. A mesh with dropped triangles cannot stay as it is: the rest of it becomes a
-    /// piece.
+    /// Leaves an instance unchanged. A mesh with dropped triangles cannot be kept: the rest of it becomes a piece.
     pub(crate) fn keep(&mut self, instance: InstanceId) {
         let mesh = self.scene.instances[instance.0 as usize].mesh;
         let group = match self.whole[mesh.0 as usize] {
@@ -137,8 +136,8 @@ impl<'a> Builder<'a> {
         self.place(group, instance);
     }
 
-    /// Places an object with what it has in common with other instances of its mesh: the mesh, if the object is all
-    /// of it, else a piece of the mesh.
+    /// Places an object as content shared with other instances of its mesh: the mesh if the object is all of it, else a
+    /// piece of the mesh.
     pub(crate) fn place_object(&mut self, object: Object) {
         let instance = InstanceId(object.instance);
         let mesh = self.scene.instances[object.instance as usize].mesh;
@@ -158,8 +157,8 @@ impl<'a> Builder<'a> {
         self.place(group, instance);
     }
 
-    /// Places the pieces of an instance's mesh, which all its opened instances share, instead of the mesh. The
-    /// triangles of each piece are those in `pieces`, which runs parallel to the meshes.
+    /// Places the pieces of an instance's mesh, which all its opened instances share, instead of the mesh. `pieces`
+    /// holds the pieces of each mesh and is parallel to the meshes.
     pub(crate) fn open(&mut self, instance: InstanceId, pieces: &[Vec<Part>]) {
         let mesh = self.scene.instances[instance.0 as usize].mesh;
         let groups = match self.opened.get(&mesh) {
@@ -174,7 +173,7 @@ impl<'a> Builder<'a> {
         groups.into_iter().for_each(|group| self.place(group, instance));
     }
 
-    /// Adds a group of a part of a mesh.
+    /// Adds the group of a part of a mesh.
     fn push_part(&mut self, mesh: MeshId, number: usize, piece: &Part) -> u32 {
         let instance = self.first_instance[mesh.0 as usize];
         let of = &self.scene.meshes[mesh.0 as usize];
@@ -190,7 +189,7 @@ impl<'a> Builder<'a> {
         )
     }
 
-    /// Places the whole mesh of an instance with one geometry for each material and merge class.
+    /// Places the whole mesh of an instance with one geometry per material and merge class.
     pub(crate) fn place_joined(&mut self, instance: InstanceId) {
         let mesh = self.scene.mesh_of(instance);
         let mut keys: Vec<_> = mesh.geometries.iter().map(key).collect();
@@ -208,17 +207,17 @@ impl<'a> Builder<'a> {
         self.bake_in(DAffine3::IDENTITY, name, geometries);
     }
 
-    /// Adds a group of placed triangles that are stored in a frame: world from group.
+    /// Adds a group of placed triangles stored in a frame, given as world from group.
     pub(crate) fn bake_in(&mut self, frame: DAffine3, name: String, geometries: Geometries) {
         self.baked.push(Group { name, content: Content::Baked { frame, geometries: geometries.finish() } });
     }
 
-    /// Adds a remark for the report.
+    /// Adds a note for the report.
     pub(crate) fn note(&mut self, note: Note) {
         self.layout.notes.push(note);
     }
 
-    /// The layout: what is kept comes first, in the order of its instances, then the baked groups in the order in
+    /// Returns the layout: first kept content, in the order of its instances, then the baked groups in the order in
     /// which they were added.
     pub(crate) fn finish(self) -> Layout {
         let Builder { mut layout, baked, .. } = self;
@@ -232,7 +231,7 @@ impl<'a> Builder<'a> {
         layout
     }
 
-    /// The content of a group of one geometry or of all geometries of a mesh.
+    /// Returns the content of a group with one geometry or all geometries of a mesh.
     fn piece(&self, mesh: MeshId, geometry: Option<u32>) -> Content {
         let instance = self.first_instance[mesh.0 as usize];
         let all = 0..self.scene.meshes[mesh.0 as usize].geometries.len() as u32;
@@ -256,7 +255,7 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// The first instance that places each mesh; 0 for one that none places.
+/// Returns the first instance that places each mesh; 0 for unplaced meshes.
 pub(crate) fn first_instances(scene: &Scene) -> Vec<u32> {
     let mut first = vec![None; scene.meshes.len()];
     for (i, instance) in scene.instances.iter().enumerate() {
@@ -265,8 +264,8 @@ pub(crate) fn first_instances(scene: &Scene) -> Vec<u32> {
     first.into_iter().map(Option::unwrap_or_default).collect()
 }
 
-/// The name of a group by how many triangles of each object are in it: that of the object with the most; with the next
-/// number where the group is only a part of one object, with the number of further objects where there are others.
+/// Names a group by the number of triangles of each object in it: the name of the object with the most, followed by the
+/// next number if the group is only a part of one object, or by the number of other objects if there are any.
 pub(crate) fn group_name(
     scene: &Scene,
     objects: &[Object],

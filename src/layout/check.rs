@@ -9,12 +9,12 @@ use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
 use crate::scene::{Broken, InstanceId, MeshId, Scene, TriangleRef};
 
 impl Layout {
-    /// Names the first broken invariant: every triangle that an instance places is placed exactly once, by a group
-    /// that keeps its material; pinned instances stay as they are; every transform is the right one; nothing is
-    /// empty or unused. Takes time linear in the triangles of the groups and in the placements.
+    /// Checks the invariants: each triangle that an instance places is placed exactly once, by a group that keeps its
+    /// material; pinned instances stay unchanged; each transform is correct; nothing is empty or unused. Takes time
+    /// linear in the triangles of the groups and in the placements.
     ///
     /// # Errors
-    /// Whatever does not hold, in words.
+    /// A description of the first broken invariant.
     pub fn check(&self, scene: &Scene) -> Result<(), Broken> {
         let first = first_instances(scene);
         for (i, group) in self.groups.iter().enumerate() {
@@ -107,15 +107,15 @@ fn check_placement(scene: &Scene, layout: &Layout, placement: &Placement) -> Res
     }
 }
 
-/// What places the triangles of each instance.
+/// The groups that place the triangles of each instance.
 struct Coverage<'a> {
     scene: &'a Scene,
     layout: &'a Layout,
     /// The groups that place each instance, sorted.
     groups: Vec<Vec<u32>>,
-    /// Triangles of each instance that are baked.
+    /// Number of baked triangles of each instance.
     baked: Vec<usize>,
-    /// Triangles of each group.
+    /// Number of triangles of each group.
     sizes: Vec<usize>,
 }
 
@@ -139,7 +139,7 @@ impl<'a> Coverage<'a> {
             let name = &self.scene.instances[i].name;
             self.check_instance(i).map_err(|e| Broken(format!("instance {i} `{name}` {e}")))?;
         }
-        // As many triangles as expected and none twice: each is there once.
+        // With the expected number of triangles and no duplicates, each triangle is there exactly once.
         let together: BTreeSet<&[u32]> = self.groups.iter().map(Vec::as_slice).collect();
         for groups in together {
             self.check_pieces(groups).map_err(|e| Broken(format!("groups {groups:?} {e}")))?;
@@ -159,7 +159,7 @@ impl<'a> Coverage<'a> {
         require(!copies_differ, "is placed otherwise than the copy before it on its node")
     }
 
-    /// Whether pieces that are placed together hold no triangle twice.
+    /// Checks that pieces placed together contain no triangle twice.
     fn check_pieces(&self, groups: &[u32]) -> Result<(), String> {
         let mut seen = Bits::default();
         for triangle in groups.iter().flat_map(|&g| self.piece_triangles(g)) {
@@ -193,7 +193,7 @@ impl<'a> Coverage<'a> {
         self.groups[instance].iter().map(|&g| self.sizes[g as usize]).sum()
     }
 
-    /// The triangles of a piece; none of a mesh that is kept, which cannot lack or repeat any.
+    /// Returns the triangles of a piece; none for a kept mesh, which cannot omit or repeat any.
     fn piece_triangles(&self, group: u32) -> impl Iterator<Item = u32> {
         let geometries: &[GroupGeometry] = match &self.layout.groups[group as usize].content {
             Content::Piece { geometries, .. } => geometries,
@@ -216,7 +216,7 @@ fn baked_triangles(layout: &Layout) -> impl Iterator<Item = TriangleRef> {
 struct Bits(Vec<u64>);
 
 impl Bits {
-    /// Whether the number was not there yet.
+    /// Adds a number; returns whether it is new.
     fn insert(&mut self, i: usize) -> bool {
         let (word, bit) = (i / 64, 1 << (i % 64));
         if self.0.len() <= word {
@@ -252,7 +252,7 @@ mod tests {
         builder.scene()
     }
 
-    /// The layout of a method, after a fault.
+    /// Returns the error found after a fault is planted in the layout of a method.
     fn fault(method: Method, plant: impl FnOnce(&mut Layout)) -> String {
         let scene = scene();
         let mut layout = run(method, &scene, &Options::default());

@@ -1,6 +1,6 @@
-//! Layouts: which triangles share a BLAS, and what such an assignment is made of.
+//! Layouts: the assignment of triangles to BLASes and its parts.
 //!
-//! [`Layout`] is the model; [`Layout::check`] holds it against its scene. `crate::methods` makes layouts.
+//! [`Layout`] is the model; [`Layout::check`] checks it against its scene. `crate::methods` creates layouts.
 
 mod axes;
 pub(crate) mod builder;
@@ -24,63 +24,63 @@ pub use stored::stored;
 use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
 use glam::DAffine3;
 
-/// A whole assignment of a scene's triangles to mesh groups and instances.
+/// A complete assignment of a scene's triangles to mesh groups and instances.
 #[derive(Clone, Debug, Default)]
 pub struct Layout {
     /// The mesh groups (BLASes).
     pub groups: Vec<Group>,
     /// Their placements (TLAS entries).
     pub placements: Vec<Placement>,
-    /// What the method did and left out, and why.
+    /// What the method did and skipped, and why.
     pub notes: Vec<Note>,
 }
 
 /// The triangles built into one BLAS.
 #[derive(Clone, Debug)]
 pub struct Group {
-    /// Name of the glTF mesh to be.
+    /// Name of the glTF mesh to write.
     pub name: String,
-    /// What is in it.
+    /// The triangles of the group.
     pub content: Content,
 }
 
-/// What a group holds.
+/// The content of a group.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Content {
-    /// A mesh of the input exactly as it is.
+    /// An unchanged mesh of the input.
     Kept(MeshId),
-    /// Some triangles of one input mesh, or all, for any number of its instances, stored in a frame.
+    /// Some or all triangles of one input mesh, for any number of its instances, stored in a frame.
     Piece {
         /// The mesh.
         mesh: MeshId,
-        /// Mesh from group; each coefficient is exactly a 32-bit float. Triangles whose frame is the identity are stored
-        /// as they are.
+        /// Mesh from group; each coefficient is exactly a 32-bit float. With the identity, triangles are stored
+        /// unchanged.
         frame: DAffine3,
-        /// One geometry for each material and vertex format. Only the `triangle` of the references counts; their
-        /// `instance` is the first that places the mesh.
+        /// One geometry per material and vertex format. Only the `triangle` of the references is used; their `instance`
+        /// is the first that places the mesh.
         geometries: Vec<GroupGeometry>,
     },
-    /// Triangles of any instances, placed: world coordinates, stored in a frame.
+    /// Placed triangles of any instances: world coordinates, stored in a frame.
     Baked {
         /// World from group; each coefficient is exactly a 32-bit float.
         frame: DAffine3,
-        /// One geometry for each material (and each vertex format within it).
+        /// One geometry per material (and per vertex format within it).
         geometries: Vec<GroupGeometry>,
     },
 }
 
 impl Content {
-    /// Whether it is a mesh as it is; all else is written anew.
+    /// Whether this is an unchanged mesh; all other content is rewritten.
     pub fn is_kept(&self) -> bool {
         matches!(self, Content::Kept(_))
     }
 
-    /// Mesh from group for a piece; the identity for others.
+    /// Returns mesh from group for a piece; the identity for other content.
     pub fn piece_frame(&self) -> DAffine3 {
         if let Content::Piece { frame, .. } = self { *frame } else { DAffine3::IDENTITY }
     }
 
-    /// Triangles of a group, counted once however often it is placed.
+    /// Returns the number of triangles of a group, regardless of how often it is placed.
     pub fn triangle_count(&self, scene: &Scene) -> usize {
         match self {
             Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),
@@ -96,11 +96,11 @@ impl Content {
 pub struct GroupGeometry {
     /// Index into [`Scene::materials`].
     pub material: Option<u32>,
-    /// As in [`crate::scene::Geometry::merge_class`].
+    /// See [`crate::scene::Geometry::merge_class`].
     pub merge_class: u32,
     /// How rays pass through the material.
     pub opacity: Opacity,
-    /// The triangles in the order in which they are written.
+    /// The triangles in the order of writing.
     pub triangles: Vec<TriangleRef>,
 }
 
@@ -109,7 +109,7 @@ pub struct GroupGeometry {
 pub struct Placement {
     /// Index into [`Layout::groups`].
     pub group: u32,
-    /// The input instance whose mesh (or a piece of it) this places; `None` for a baked group.
+    /// The input instance whose mesh (or piece of it) this places; `None` for a baked group.
     pub instance: Option<InstanceId>,
     /// World from group.
     pub transform: DAffine3,

@@ -1,6 +1,6 @@
-//! What there is to know about a layout; [`crate::report`] puts it into words.
+//! Facts about a layout; [`crate::report`] phrases them.
 
-/// Something that a method did or left out, and why.
+/// Something that a method did or skipped, and why.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Note {
     /// No round of splitting and merging objects lowers the overlap ratio below that of the input.
@@ -8,38 +8,38 @@ pub enum Note {
         /// The input's overlap ratio.
         of_input: f64,
     },
-    /// No object is split, because trees may not have more nodes than there are objects.
+    /// No object is split, because the node budget allows no more than one node per object.
     NothingSplit {
-        /// Tree nodes allowed.
+        /// Number of tree nodes allowed.
         allowed: u64,
-        /// Objects.
+        /// Number of objects.
         objects: usize,
     },
     /// All instances of some meshes stay, because writing them out would exceed a limit.
     BeyondLimit {
-        /// How many instances.
+        /// Number of instances.
         instances: u64,
-        /// How many meshes they place.
+        /// Number of meshes that they place.
         meshes: usize,
-        /// Which limit.
+        /// The limit.
         limit: Limit,
     },
     /// Instances of a mesh are written out or opened.
     Changed(Changed),
     /// Instances of this many further meshes are written out or opened.
     ChangedLikewise(usize),
-    /// Instances stay.
+    /// Instances stay unchanged.
     Stay {
-        /// Of which meshes.
+        /// The meshes of the instances.
         of: Meshes,
-        /// How many.
+        /// Number of instances.
         instances: usize,
-        /// Why.
+        /// The reason.
         why: Stay,
     },
 }
 
-/// What writing instances out would exceed.
+/// The limit that writing out instances would exceed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Limit {
     /// Predicted bytes of acceleration structures.
@@ -48,37 +48,37 @@ pub enum Limit {
     Triangles,
 }
 
-/// What became of the instances of a mesh.
+/// Changes to the instances of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Changed {
     /// The mesh's name.
     pub mesh: String,
-    /// How many are written out.
+    /// Number of instances written out.
     pub baked: usize,
-    /// How many are opened.
+    /// Number of instances opened.
     pub opened: usize,
-    /// Into how many pieces; into one if they are only stored in another frame.
+    /// Number of pieces that they are opened into; 1 if they are only stored in another frame.
     pub pieces: usize,
-    /// How many stay.
+    /// Number of instances that stay unchanged.
     pub kept: usize,
-    /// Boxes of them that a ray enters, in the mean over the rays that meet them.
+    /// Mean number of their boxes that a ray enters, over the rays that meet any.
     pub boxes_per_ray: f64,
-    /// Their predicted cost over that of all of them as they are.
+    /// Their predicted cost relative to that of all of them unchanged.
     pub cost_ratio: f64,
 }
 
 /// Some meshes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Meshes {
-    /// All that several instances place.
+    /// All meshes that several instances place.
     All,
-    /// One, by its name.
+    /// One mesh, by its name.
     One(String),
-    /// So many.
+    /// This number of meshes.
     Several(usize),
 }
 
-/// Why instances stay.
+/// Why instances stay unchanged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stay {
     /// No two instance boxes overlap.
@@ -87,7 +87,7 @@ pub enum Stay {
     Rare,
     /// More bytes than allowed would be needed.
     Bytes {
-        /// Bytes allowed over the input's.
+        /// Bytes allowed beyond the input's.
         allowed: f64,
     },
     /// Changing them is predicted to gain too little.

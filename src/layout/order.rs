@@ -1,6 +1,7 @@
-//! Triangles and groups in the order of a tree over them.
+//! Sorts triangles and groups in the order of a tree over them.
 //!
-//! Some drivers build their trees by halving the input by index; such a tree is as good as the order of its input.
+//! Some drivers build their trees by halving the input by index; the quality of such a tree depends on the order of its
+//! input.
 
 use std::sync::Arc;
 
@@ -12,23 +13,22 @@ use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Scene, TriangleRef};
 use crate::tree::{Quality, Tree};
 
-/// The most triangles of a group over which a tree is built for the sake of their order.
+/// Maximum number of triangles in a group for which a tree is built only for their order.
 const TREE_TRIANGLES: usize = 1 << 19;
 
-/// Sorts the triangles of every group that is rewritten, and the placements of baked groups, in the order of a tree.
-/// Baked groups come after all others, in the order of a tree over their world boxes.
+/// Sorts the triangles of each rewritten group, and the placements of baked groups, in the order of a tree. Baked
+/// groups come after all others, in the order of a tree over their world boxes.
 ///
-/// A group of more than 2^19 triangles follows the Morton curve, which is the order of a linear tree (C. Lauterbach et
-/// al., "Fast BVH Construction on GPUs", 2009): for an order it is as good, and it takes a tenth of the memory.
+/// Groups of more than 2^19 triangles follow the Morton curve, which is the order of a linear tree (C. Lauterbach et
+/// al., "Fast BVH Construction on GPUs", 2009): as an order it is as good, and it takes a tenth of the memory.
 pub fn order_by_tree(scene: &Scene, layout: &mut Layout) {
     let order = |group: &mut Group| order_group(scene, group, &|count, bounds| order_items(count, bounds));
     let bounds = layout.groups.par_iter_mut().map(|group| order(group).bounds).collect();
     order_groups(layout, bounds);
 }
 
-/// As [`order_by_tree`], by trees that serve for tracing: gives for each group that is written anew, in their order then, the
-/// tree whose item `i` is its triangle `i`; `None` where no tree can hold all triangles. Trees that are `known` are not
-/// built again.
+/// Like [`order_by_tree`], with trees good enough for tracing. Returns, for each rewritten group in the new order, the
+/// tree whose item `i` is its triangle `i`; `None` if no tree can hold all triangles. `known` trees are not rebuilt.
 pub fn order_for_good(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -> Vec<Option<Arc<Tree>>> {
     let order = |group: &mut Group| {
         let tree = known.of_group(scene, &group.content);
@@ -41,7 +41,7 @@ pub fn order_for_good(scene: &Scene, layout: &mut Layout, known: &PlacedTrees) -
     anew.map(|(_, old)| trees[old as usize].take().map(Arc::new)).collect()
 }
 
-/// Puts baked groups after all others, in the order of a tree over their boxes; gives the new order.
+/// Moves baked groups after all others, in the order of a tree over their boxes; returns the new order.
 fn order_groups(layout: &mut Layout, bounds: Vec<Bounds>) -> Vec<u32> {
     let baked = |group: &u32| matches!(layout.groups[*group as usize].content, Content::Baked { .. });
     let (baked, mut order): (Vec<u32>, Vec<u32>) = (0..layout.groups.len() as u32).partition(baked);
@@ -51,13 +51,13 @@ fn order_groups(layout: &mut Layout, bounds: Vec<Bounds>) -> Vec<u32> {
     order
 }
 
-/// Sorts so many items by their boxes.
+/// Sorts a number of items by their boxes.
 type Sort<'a> = dyn Fn(usize, &Boxes) -> Ordered + Sync + 'a;
 
 /// The boxes of items.
 type Boxes<'a> = dyn Fn(u32) -> Bounds + Sync + 'a;
 
-/// Sorts the triangles of a group; gives its box in world coordinates, empty for a group that is not baked.
+/// Sorts the triangles of a group; the returned box is in world coordinates, and empty for a group that is not baked.
 fn order_group(scene: &Scene, group: &mut Group, sort: &Sort) -> Ordered {
     match &mut group.content {
         Content::Kept(_) => Ordered::default(),
@@ -75,7 +75,7 @@ fn order_group(scene: &Scene, group: &mut Group, sort: &Sort) -> Ordered {
     }
 }
 
-/// Sorts the triangles of each geometry by a tree over all of them. What is given says where each item is then.
+/// Sorts the triangles of each geometry by a tree over all of them. The returned tree refers to the new positions.
 fn order_geometries(
     geometries: &mut [GroupGeometry],
     corners: &(impl Fn(TriangleRef) -> [DVec3; 3] + Sync),
@@ -105,16 +105,16 @@ fn order_geometries(
     ordered
 }
 
-/// Items in the order of a tree, and the box around them.
+/// Items in tree order, and the box around them.
 #[derive(Default)]
 struct Ordered {
     items: Vec<u32>,
     bounds: Bounds,
-    /// The tree, but for its order.
+    /// The tree; its order is in `items`.
     tree: Option<Tree>,
 }
 
-/// By a tree for the sake of order alone.
+/// Sorts items by a tree built only for their order.
 fn order_items(count: usize, bounds: &Boxes) -> Ordered {
     let around = around(count, bounds);
     let items = match count > TREE_TRIANGLES {
@@ -126,7 +126,7 @@ fn order_items(count: usize, bounds: &Boxes) -> Ordered {
     Ordered { items, bounds: around, tree: None }
 }
 
-/// By a known tree, or one that is as good.
+/// Sorts items by a known tree, or one of the same quality.
 fn order_by(known: Option<&Tree>, count: usize, bounds: &Boxes) -> Ordered {
     let mut tree = match known {
         Some(known) => known.clone(),
@@ -147,12 +147,12 @@ fn around(count: usize, bounds: &Boxes) -> Bounds {
         .reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
 }
 
-/// The items by the Morton codes of their boxes' centres, 21 bits an axis, then by number.
+/// Sorts items by the Morton codes of their boxes' centres, 21 bits per axis, ties by number.
 fn along_morton_curve(count: usize, bounds: &Boxes, around: &Bounds) -> Vec<u32> {
     let extent = around.size().max_element();
     let cells_per_unit = f64::from((1 << 21) - 1) / extent;
     let code = |i: u32| {
-        // A cast from NaN gives 0, one from too large a number the largest.
+        // A cast from NaN gives 0, one from too large a number the maximum.
         let cell = (bounds(i).center() - around.min) * cells_per_unit;
         spread_bits(cell.x as u64) | spread_bits(cell.y as u64) << 1 | spread_bits(cell.z as u64) << 2
     };
@@ -172,7 +172,7 @@ fn spread_bits(x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// The numbers of boxes in the order of a tree; boxes without a finite size come last.
+/// Returns the indices of boxes in tree order; boxes without a finite size come last.
 fn tree_order(boxes: &[Bounds]) -> Vec<u32> {
     let is_usable = |&i: &u32| {
         let b = &boxes[i as usize];
@@ -186,7 +186,7 @@ fn tree_order(boxes: &[Bounds]) -> Vec<u32> {
     order
 }
 
-/// Puts the groups in a new order, and the placements of baked groups likewise, after all others.
+/// Reorders the groups, and moves the placements of baked groups after all others in the same order.
 fn permute_groups(layout: &mut Layout, order: &[u32]) {
     let mut new_index = vec![0u32; order.len()];
     (0u32..).zip(order).for_each(|(new, &old)| new_index[old as usize] = new);
@@ -209,7 +209,7 @@ mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
 
-    /// The mean step along x between triangles that follow each other.
+    /// The mean step along x between consecutive triangles.
     fn mean_step(scene: &Scene, triangles: &[TriangleRef]) -> f64 {
         let x: Vec<f64> = triangles.iter().map(|&t| scene.world_corners(t)[0].x).collect();
         x.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>() / (x.len() - 1) as f64

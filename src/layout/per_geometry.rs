@@ -1,4 +1,4 @@
-//! What a renderer that builds one BLAS a primitive makes of a layout.
+//! Layouts for renderers that build one BLAS per primitive.
 
 use std::borrow::Cow;
 
@@ -8,8 +8,8 @@ use glam::DAffine3;
 
 use crate::scene::{MeshId, Scene, TriangleRef};
 
-/// The layout with one group for each geometry, placed wherever its group was, in the order of the groups and of their
-/// geometries. It is what is built, not what is written.
+/// Returns the layout with one group per geometry, placed wherever its group was, in the order of the groups and their
+/// geometries. Describes what is built, not what is written.
 pub fn per_geometry(scene: &Scene, layout: &Layout) -> Layout {
     let first = first_instances(scene);
     let mut divided = Layout { notes: layout.notes.clone(), ..Layout::default() };
@@ -26,7 +26,7 @@ pub fn per_geometry(scene: &Scene, layout: &Layout) -> Layout {
     divided
 }
 
-/// One content for each geometry.
+/// Returns one content per geometry.
 fn contents(scene: &Scene, first: &[u32], content: &Content) -> Vec<Content> {
     match content {
         Content::Kept(mesh) if scene.meshes[mesh.0 as usize].geometries.len() < 2 => vec![content.clone()],
@@ -44,7 +44,7 @@ fn contents(scene: &Scene, first: &[u32], content: &Content) -> Vec<Content> {
     }
 }
 
-/// The geometries of a mesh.
+/// Returns the geometries of a mesh.
 fn geometries(scene: &Scene, instance: u32, mesh: MeshId) -> impl Iterator<Item = GroupGeometry> {
     scene.meshes[mesh.0 as usize].geometries.iter().map(move |of| {
         let triangles = of.first_triangle..of.first_triangle + of.triangles.len() as u32;
@@ -57,18 +57,18 @@ fn geometries(scene: &Scene, instance: u32, mesh: MeshId) -> impl Iterator<Item 
     })
 }
 
-/// What goes into one BLAS.
+/// What one BLAS contains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BlasPer {
     /// All geometries of a mesh.
     #[default]
     Mesh,
-    /// Each geometry by itself, with an instance of its own wherever its mesh is placed.
+    /// Each geometry separately, with its own instance wherever its mesh is placed.
     Primitive,
 }
 
-/// A layout as its consumer builds it.
+/// Returns a layout as its consumer builds it.
 pub fn as_built<'l>(scene: &Scene, layout: &'l Layout, per: BlasPer) -> Cow<'l, Layout> {
     match per {
         BlasPer::Mesh => Cow::Borrowed(layout),

@@ -1,6 +1,6 @@
-//! Trees over placed triangles, left behind by the method that built them to decide.
+//! Trees over placed triangles, kept from the method that built them to make its decisions.
 //!
-//! What is laid out with them is then ranked, put in order and verified: all that would build the same trees again.
+//! Layouts made with them are later ranked, sorted and verified, all of which would rebuild the same trees.
 
 use glam::DMat3;
 
@@ -8,28 +8,28 @@ use crate::layout::{Content, GroupGeometry, axes};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 use crate::tree::Tree;
 
-/// Trees over the same triangles, each with boxes in a frame of its own. Trees take about 20 bytes a triangle.
+/// Trees over the same triangles, each with boxes in its own frame. Trees take about 20 bytes per triangle.
 #[derive(Clone, Debug, Default)]
 pub struct PlacedTrees {
     triangles: Vec<TriangleRef>,
-    /// World from the frame of the tree, and the tree, whose item `i` is `triangles[i]`.
+    /// World from the tree's frame, and the tree, whose item `i` is `triangles[i]`.
     trees: Vec<(DMat3, Tree)>,
 }
 
 impl PlacedTrees {
-    /// Trees in frames, no two alike, whose item `i` is `triangles[i]`.
+    /// Creates trees in distinct frames; item `i` is `triangles[i]`.
     pub(crate) fn new(triangles: Vec<TriangleRef>, trees: Vec<(DMat3, Tree)>) -> PlacedTrees {
         PlacedTrees { triangles, trees }
     }
 
-    /// How many triangles they are over.
+    /// Returns the number of triangles.
     pub(crate) fn len(&self) -> usize {
         self.triangles.len()
     }
 
-    /// The tree of a baked group, whose item `i` is the group's triangle `i`: what is left of a known one without the
-    /// triangles that the group lacks. `None` where there is none along the axes of the group's frame, or the group holds other
-    /// triangles, or less than half of the known ones, which are better given a tree of their own.
+    /// Returns the tree of a baked group, whose item `i` is the group's triangle `i`: a known tree without the
+    /// triangles that the group lacks. `None` if there is no tree along the axes of the group's frame, if the group
+    /// holds other triangles, or if it holds less than half of the known ones, for which a new tree is better.
     pub fn of_group(&self, scene: &Scene, content: &Content) -> Option<Tree> {
         let Content::Baked { frame, geometries } = content else { return None };
         let (_, known) = self.trees.iter().find(|(rotation, _)| axes::are_alike(rotation, &frame.matrix3))?;
@@ -50,9 +50,10 @@ impl PlacedTrees {
     }
 }
 
-/// Where the triangles of a group stand in it, counted through its geometries.
+/// Positions of the triangles of a group, counted through its geometries.
 struct Places {
-    /// For each instance where its mesh's first triangle is in `places`; [`NONE`] where the group holds none of it.
+    /// For each instance, the index in `places` of its mesh's first triangle; [`NONE`] if the group holds none of its
+    /// triangles.
     first: Vec<u32>,
     places: Vec<u32>,
 }
@@ -99,7 +100,7 @@ mod tests {
         builder.scene()
     }
 
-    /// The trees that clustering a scene leaves behind.
+    /// The trees kept from clustering a scene.
     fn left_behind(scene: &Scene) -> PlacedTrees {
         let mut cache = Cache::default();
         run_with(&mut cache, Method::Cluster, scene, &Options::default());

@@ -1,6 +1,7 @@
-//! What a layout stores: the triangles of a group, where each comes from, and its corners in the group's coordinates.
+//! The stored triangles of a layout: their order in a group, their source, and their corners in the group's
+//! coordinates.
 //!
-//! Everything that measures, limits, races or writes a group reads it here, so that all of them see the same numbers.
+//! All code that measures, limits, races or writes a group uses this module, so that all of it sees the same numbers.
 
 use std::ops::Range;
 
@@ -12,18 +13,19 @@ use super::{Content, GroupGeometry};
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Geometry, MeshId, Origin, Scene, TriangleRef};
 
-/// The triangles of a group in the order in which they are written.
+/// The triangles of a group in the order of writing.
 pub struct Store<'a> {
     scene: &'a Scene,
     content: &'a Content,
-    /// For each geometry the number of its first triangle, counted through; then the number of all triangles.
+    /// For each geometry, the index of its first triangle, counted through all geometries; then the number of all
+    /// triangles.
     starts: Vec<usize>,
-    /// Group from world for what is baked, else group from mesh.
+    /// Group from world for baked content, else group from mesh.
     into: DAffine3,
 }
 
 impl<'a> Store<'a> {
-    /// The store of what a group holds.
+    /// Creates the store of a group's content.
     pub fn new(scene: &'a Scene, content: &'a Content) -> Self {
         let (counts, into): (Vec<usize>, DAffine3) = match content {
             Content::Kept(mesh) => {
@@ -42,7 +44,7 @@ impl<'a> Store<'a> {
         Store { scene, content, starts, into }
     }
 
-    /// Number of triangles.
+    /// Returns the number of triangles.
     pub fn len(&self) -> usize {
         self.starts[self.geometries()]
     }
@@ -52,23 +54,23 @@ impl<'a> Store<'a> {
         self.len() == 0
     }
 
-    /// Number of geometries.
+    /// Returns the number of geometries.
     pub fn geometries(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// The triangles of a geometry, counted through all geometries.
+    /// Returns the triangles of a geometry, counted through all geometries.
     pub fn of_geometry(&self, geometry: usize) -> Range<usize> {
         self.starts[geometry]..self.starts[geometry + 1]
     }
 
-    /// Whether positions are stored as they are in the scene's meshes.
+    /// Whether positions are stored unchanged from the scene's meshes.
     pub fn is_exact(&self) -> bool {
         !matches!(self.content, Content::Baked { .. }) && self.into == DAffine3::IDENTITY
     }
 
-    /// Corners of a triangle in the coordinates of the group, before they are rounded to single precision; in the order
-    /// of the mesh that the triangle is taken from, also if that is mirrored.
+    /// Returns the corners of a triangle in the coordinates of the group, before rounding to single precision; in the
+    /// order of the triangle's source mesh, even if that is mirrored.
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         let geometry = self.starts.partition_point(|&start| start <= triangle) - 1;
         let at = triangle - self.starts[geometry];
@@ -82,7 +84,7 @@ impl<'a> Store<'a> {
         }
     }
 
-    /// As [`Store::corners`], of a triangle of the scene.
+    /// Like [`Store::corners`], for a triangle of the scene.
     pub fn corners_of(&self, at: TriangleRef) -> [DVec3; 3] {
         let origin = self.origin(at);
         let corners = self.scene.meshes[origin.mesh.0 as usize].corners(origin.triangle).map(|p| p.as_dvec3());
@@ -92,12 +94,12 @@ impl<'a> Store<'a> {
         }
     }
 
-    /// The box of every triangle, in the coordinates of the group.
+    /// Returns the box of each triangle, in the coordinates of the group.
     pub fn boxes(&self) -> Vec<Bounds> {
         self.par_boxes().collect()
     }
 
-    /// The box around all triangles, in the coordinates of the group.
+    /// Returns the box around all triangles, in the coordinates of the group.
     pub fn bounds(&self) -> Bounds {
         self.par_boxes().reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
     }
@@ -107,8 +109,8 @@ impl<'a> Store<'a> {
         (0..self.len()).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(box_of)
     }
 
-    /// The vertices of a geometry, numbered in the order of first use. `visit` is told of every triangle, in order: the
-    /// number of its part, the part, and its number in the part's geometry.
+    /// Returns the vertices of a geometry, numbered in the order of first use. Calls `visit` for each triangle, in
+    /// order, with the index of its part, the part, and its index in the part's geometry.
     pub fn vertices(&self, of: &GroupGeometry, mut visit: impl FnMut(u32, &Part<'a>, usize)) -> Vertices<'a> {
         let mut numbering = Numbering::default();
         let mut vertices =
@@ -135,13 +137,13 @@ impl<'a> Store<'a> {
         vertices
     }
 
-    /// The instance that a triangle is stored for; `None` if it is stored for all instances of its mesh.
+    /// Returns the instance that a triangle is stored for; `None` if it is stored for all instances of its mesh.
     fn instance_of(&self, at: TriangleRef) -> Option<u32> {
         matches!(self.content, Content::Baked { .. }).then_some(at.instance)
     }
 
-    /// Where a triangle is taken from. What is baked comes from the mesh that the document places, so that a mesh that
-    /// stands in for a copy adds no error of its own; a piece is shared by all instances of its mesh.
+    /// Returns the source of a triangle. Baked triangles come from the mesh that the document places, so that a mesh
+    /// that stands in for a copy adds no error of its own; a piece is shared by all instances of its mesh.
     fn origin(&self, at: TriangleRef) -> Origin {
         match self.content {
             Content::Kept(mesh) | Content::Piece { mesh, .. } => {
@@ -151,7 +153,7 @@ impl<'a> Store<'a> {
         }
     }
 
-    /// The transform from where a triangle is taken from into the group; `None` if positions stay as they are.
+    /// Returns the transform from a triangle's source into the group; `None` if positions are unchanged.
     fn group_from_mesh(&self, origin: &Origin) -> Option<DAffine3> {
         let transform = match self.content {
             Content::Baked { .. } => self.into * origin.transform,
@@ -173,24 +175,24 @@ impl<'a> Store<'a> {
     }
 }
 
-/// How far rounding moves a position, in units of the group. A position that overflows single precision is off by
-/// infinity, which is more than any limit.
+/// Returns the distance by which rounding moves a position, in units of the group. For a position that overflows single
+/// precision it is infinite, which exceeds any limit.
 pub fn rounding_error(exact: DVec3) -> f64 {
     let moved = exact.as_vec3().as_dvec3().distance(exact);
     if moved.is_finite() { moved } else { f64::INFINITY }
 }
 
-/// The vertices of a geometry of a group, each stored once: drivers join triangles that share them.
+/// The vertices of a geometry of a group, each stored once, because drivers connect triangles that share them.
 pub struct Vertices<'a> {
-    /// What the triangles are taken from, in the order of first use.
+    /// The sources of the triangles, in the order of first use.
     pub parts: Vec<Part<'a>>,
-    /// For each vertex its part, and its number in the part's geometry.
+    /// For each vertex, its part and its index in the part's geometry.
     pub list: Vec<(u32, u32)>,
-    /// For each triangle its vertices, counter-clockwise from the front.
+    /// For each triangle, its vertices, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Numbers that are given out in the order of first use.
+/// Numbers assigned in the order of first use.
 #[derive(Default)]
 struct Numbering {
     /// By instance (0 for a piece) and geometry.
@@ -199,7 +201,7 @@ struct Numbering {
     vertices: FxHashMap<(u32, u32), u32>,
 }
 
-/// A geometry of the scene, as an instance of it is stored in a group.
+/// A geometry of the scene, as stored in a group for one of its instances.
 pub struct Part<'a> {
     /// The instance; `None` if the geometry is stored for all instances of its mesh.
     pub instance: Option<u32>,
@@ -209,25 +211,25 @@ pub struct Part<'a> {
     pub number: usize,
     /// The geometry.
     pub geometry: &'a Geometry,
-    /// Group from mesh; `None` if positions stay as they are.
+    /// Group from mesh; `None` if positions are unchanged.
     pub group_from_mesh: Option<DAffine3>,
-    /// Whether that turns left hands into right hands.
+    /// Whether `group_from_mesh` reverses handedness.
     pub mirrored: bool,
 }
 
 impl Part<'_> {
-    /// Where a vertex is in the group, before it is rounded.
+    /// Returns the position of a vertex in the group, before rounding.
     pub fn exact(&self, vertex: u32) -> DVec3 {
         let position = self.geometry.positions[vertex as usize].as_dvec3();
         self.group_from_mesh.map_or(position, |into| into.transform_point3(position))
     }
 
-    /// The position of a vertex as it is stored: computed in double precision and rounded once.
+    /// Returns the stored position of a vertex: computed in double precision and rounded once.
     pub fn stored(&self, vertex: u32) -> Vec3 {
         self.exact(vertex).as_vec3()
     }
 
-    /// The vertices of a triangle, counter-clockwise from the front as the group shows it.
+    /// Returns the vertices of a triangle, counter-clockwise seen from the front in the group.
     fn corners(&self, triangle: usize) -> [u32; 3] {
         let [a, b, c] = self.geometry.triangles[triangle];
         if self.mirrored { [a, c, b] } else { [a, b, c] }
@@ -244,7 +246,7 @@ mod tests {
         GroupGeometry { triangles, ..GroupGeometry::default() }
     }
 
-    /// One mesh of eight triangles, placed aside.
+    /// One mesh of eight triangles with the given placement.
     fn placed_aside(placed: DAffine3) -> Scene {
         let mut builder = SceneBuilder::default();
         let mesh = builder.mesh("row", vec![(0, row(Vec3::ZERO, 8))]);

@@ -1,4 +1,4 @@
-//! The scene that a layout comes to, as a ray tracer sees it.
+//! The scene that a layout results in, as a ray tracer sees it.
 
 use std::sync::Arc;
 
@@ -9,8 +9,8 @@ use crate::layout::{Content, GroupGeometry, Layout};
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Known, Mesh, MeshId, Scene};
 
-/// The scene of a layout: one mesh for each group, one instance for each placement, in their order; positions as they
-/// would be stored, rounded once. For tracing only: nothing says where a triangle comes from.
+/// Returns the scene of a layout: one mesh per group and one instance per placement, in their order, with positions as
+/// they would be stored, rounded once. For tracing only: it does not record the sources of triangles.
 pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
     let meshes: Vec<Arc<Mesh>> = layout.groups.par_iter().map(|group| mesh(scene, &group.content)).collect();
     let instance = |placement: &super::Placement| Instance {
@@ -47,7 +47,7 @@ fn mesh(scene: &Scene, content: &Content) -> Arc<Mesh> {
     Mesh { geometries: geometries.iter().enumerate().map(geometry).collect(), ..Mesh::default() }.into()
 }
 
-/// A geometry of a group.
+/// Returns a geometry of a group.
 fn geometry(store: &Store, of: &GroupGeometry) -> Geometry {
     let vertices = store.vertices(of, |_, _, _| {});
     let stored = |&(part, vertex): &(u32, u32)| vertices.parts[part as usize].stored(vertex);
@@ -62,7 +62,8 @@ fn geometry(store: &Store, of: &GroupGeometry) -> Geometry {
     }
 }
 
-/// What the triangles of an alpha-tested geometry test, which is the same texture for one material.
+/// Returns the alpha test of an alpha-tested geometry; all its triangles use the same texture, because they share a
+/// material.
 fn alpha(vertices: &Vertices) -> Option<AlphaTest> {
     let first = vertices.parts.first()?.geometry.alpha.as_ref()?;
     let texcoord = |&(part, vertex): &(u32, u32)| {
@@ -86,7 +87,7 @@ mod tests {
     use crate::scene::{InstanceId, TriangleRef};
     use proptest::prelude::*;
 
-    /// The largest distance between a corner and where the stored scene has it, over all triangles that are placed.
+    /// The largest distance between a corner and its position in the stored scene, over all placed triangles.
     fn largest_error(scene: &Scene, layout: &Layout, stored: &Scene) -> f64 {
         let mut largest = 0.0f64;
         for (instance, placement) in (0..).zip(&layout.placements) {

@@ -6,12 +6,12 @@ use proptest::prelude::*;
 use crate::layout::{Content, Layout, Placement};
 use crate::scene::{Bounds, Geometry, Instance, Material, Mesh, MeshId, Pinned, Scene};
 
-/// A scene under construction. Names of meshes and instances are given; nodes count up.
+/// A scene under construction. Nodes are numbered consecutively.
 #[derive(Default)]
 pub(crate) struct SceneBuilder(Scene);
 
 impl SceneBuilder {
-    /// Adds a mesh of some geometries: material and triangles.
+    /// Adds a mesh with geometries given as material and triangles.
     pub(crate) fn mesh(&mut self, name: &str, geometries: Vec<(u32, Vec<[Vec3; 3]>)>) -> MeshId {
         let mut first_triangle = 0;
         let geometry = |(i, (material, triangles)): (usize, (u32, Vec<[Vec3; 3]>))| {
@@ -53,13 +53,13 @@ impl SceneBuilder {
         &mut self.0.instances[node as usize]
     }
 
-    /// Adds a mesh of one geometry and places it where it is.
+    /// Adds a mesh of one geometry and places it with the identity.
     pub(crate) fn object(&mut self, name: &str, material: u32, triangles: Vec<[Vec3; 3]>) {
         let mesh = self.mesh(name, vec![(material, triangles)]);
         self.place(mesh, name, DAffine3::IDENTITY);
     }
 
-    /// The scene, which holds its invariants.
+    /// Returns the scene and asserts its invariants.
     pub(crate) fn scene(mut self) -> Scene {
         self.0.nodes = self.0.instances.len();
         assert_eq!(self.0.check(), Ok(()));
@@ -71,7 +71,7 @@ pub(crate) fn at(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(DVec3::new(x, y, z))
 }
 
-/// `count` small triangles in a row along x, from `start`, a unit apart.
+/// `count` small triangles in a row along x, starting at `start`, one unit apart.
 pub(crate) fn row(start: Vec3, count: usize) -> Vec<[Vec3; 3]> {
     (0..count).map(|i| small_triangle(start + Vec3::X * i as f32)).collect()
 }
@@ -81,12 +81,12 @@ pub(crate) fn small_triangle(corner: Vec3) -> [Vec3; 3] {
     [corner, corner + Vec3::new(0.5, 0.0, 0.25), corner + Vec3::new(0.0, 0.5, 0.25)]
 }
 
-/// How many triangles each group has, in the order of the groups.
+/// Returns the number of triangles of each group.
 pub(crate) fn group_sizes(scene: &Scene, layout: &Layout) -> Vec<usize> {
     layout.groups.iter().map(|g| g.content.triangle_count(scene)).collect()
 }
 
-/// Names of the groups, each with `kept`, `piece` or `baked`.
+/// Returns the names of the groups, each after `kept`, `piece` or `baked`.
 pub(crate) fn group_names(layout: &Layout) -> Vec<String> {
     let kind = |content: &Content| match content {
         Content::Kept(_) => "kept",
@@ -96,7 +96,7 @@ pub(crate) fn group_names(layout: &Layout) -> Vec<String> {
     layout.groups.iter().map(|g| format!("{} {}", kind(&g.content), g.name)).collect()
 }
 
-/// The world box of every placement: of the transformed box of a kept mesh or piece, of the triangles that are baked.
+/// Returns the world box of each placement: the transformed box of a kept mesh or piece, or the box of baked triangles.
 pub(crate) fn placed_bounds(scene: &Scene, layout: &Layout) -> Vec<Bounds> {
     let points = |corners: [Vec3; 3]| corners.map(|p| p.as_dvec3());
     let bounds = |placement: &Placement| match &layout.groups[placement.group as usize].content {
@@ -130,8 +130,8 @@ fn triangles() -> impl Strategy<Value = Vec<[Vec3; 3]>> {
     prop::collection::vec([corner(), corner(), corner()], 1..40)
 }
 
-/// Scenes of a few meshes, some of several geometries, some placed several times, some pinned, some with dropped
-/// triangles.
+/// Generates scenes of a few meshes, some with several geometries, some placed several times, some pinned, some with
+/// dropped triangles.
 pub(crate) fn any_scene() -> impl Strategy<Value = Scene> {
     let mesh = prop::collection::vec((0..3u32, 0..2u32, triangles()), 1..4);
     let meshes = prop::collection::vec((mesh, 0..5u8), 1..5);
