@@ -1,4 +1,4 @@
-//! Whether a mesh is a copy of another, decided for every vertex and triangle.
+//! Decides whether a mesh is a copy of another, checking each vertex and triangle.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -8,31 +8,32 @@ use super::grid::{Budget, Grid, Pair};
 use super::shape::Shape;
 use super::signature::bar;
 
-/// Anchors are off by the tolerance, and what they fix by some times as much.
+/// Anchors deviate by the tolerance, and the motion they determine by this multiple of it.
 const ANCHOR_ERROR: f64 = 8.0;
 
-/// Triangles compared for a pair of meshes, over their triangles, and for any pair: beyond it they are no copies.
+/// Maximum number of triangle comparisons for a pair of meshes: per triangle, and in addition for any pair; beyond it,
+/// the meshes do not count as copies.
 const WORK: [u64; 2] = [64, 20_000];
 
-/// How a mesh is a copy of another.
+/// How one mesh is a copy of another.
 pub(super) struct Alignment {
     /// Copy from model; each coefficient is exactly a 32-bit float.
     pub(super) motion: DAffine3,
-    /// For each triangle of the model the copy's.
+    /// For each triangle of the model, that of the copy.
     pub(super) triangles: Vec<u32>,
 }
 
-/// Two meshes of as many triangles, and how far corners of the copy may be off.
+/// Two meshes with the same number of triangles, and how far corners of the copy may deviate.
 struct Task<'a> {
     model: &'a Shape<'a>,
     copy: &'a Shape<'a>,
     tolerance: f64,
-    /// Whether the copy may be moved.
+    /// Whether a motion is allowed.
     moves: bool,
 }
 
-/// How `copy` is a copy of `model`, if it is one: with triangles in the same order, else in any.
-/// `distances` are those of the model, as [`Shape::distances`] gives them.
+/// Returns how `copy` is a copy of `model`, if it is: with triangles in the same order, else in any order. `distances`
+/// are those of the model, as returned by [`Shape::distances`].
 pub(super) fn align(model: &Shape, distances: &[f64], copy: &Shape, tolerance: f64, moves: bool) -> Option<Alignment> {
     let task = Task { model, copy, tolerance, moves };
     if model.corners.len() != copy.corners.len() || model.properties != copy.properties {
@@ -44,7 +45,8 @@ pub(super) fn align(model: &Shape, distances: &[f64], copy: &Shape, tolerance: f
 }
 
 impl Task<'_> {
-    /// With triangles in the same order; in mirrored ones the corners run the other way, from any of them.
+    /// Aligns triangles in the same order; in mirrored ones, the corners run in the opposite direction, starting at any
+    /// of them.
     fn in_order(&self) -> Option<Alignment> {
         let hypotheses = [(false, 0), (true, 0), (true, 1), (true, 2)];
         let considered = if self.moves { &hypotheses[..] } else { &hypotheses[..1] };
@@ -63,12 +65,12 @@ impl Task<'_> {
         })
     }
 
-    /// Whether distances from the middle, in units of the spread, differ by no more than the tolerance can make them.
+    /// Whether two distances from the middle, in units of the spread, differ by no more than the tolerance allows.
     fn are_as_long(&self, of_model: f64, of_copy: f64) -> bool {
         (of_model - of_copy).abs() <= bar(self.tolerance / self.copy.unit(), of_copy)
     }
 
-    /// With triangles in any order.
+    /// Aligns triangles in any order.
     fn reordered(&self) -> Option<Alignment> {
         let (model, copy) = (self.model, self.copy);
         if !(model.spread > 0.0 && copy.spread > 0.0) {
@@ -93,14 +95,15 @@ impl Task<'_> {
         anchors::first_success(model, copy, slack, &mut budget, attempt)
     }
 
-    /// The best motion for triangles that go together, if it and everything else is good enough.
+    /// Finds the best motion for paired triangles; `None` if it or anything else does not agree closely enough.
     fn settle(&self, pairs: Vec<Pair>, mirrored: bool) -> Option<Alignment> {
         let motion = self.motion(&pairs, mirrored)?;
         self.agrees(&pairs, &motion, mirrored)
             .then(|| Alignment { motion, triangles: pairs.into_iter().map(|pair| pair.triangle).collect() })
     }
 
-    /// The motion, as a file holds it, that leaves no corner farther off than the tolerance: none if that is one.
+    /// Returns the motion, as stored in a file, that moves all corners to within the tolerance; the identity if that
+    /// suffices.
     fn motion(&self, pairs: &[Pair], mirrored: bool) -> Option<DAffine3> {
         let is_near = |(p, q): (DVec3, DVec3)| p.distance(q) <= self.tolerance;
         if !mirrored && self.corners(pairs, mirrored).all(is_near) {
@@ -116,7 +119,7 @@ impl Task<'_> {
         (error <= self.tolerance).then_some(motion)
     }
 
-    /// Corners of the model with those of the copy.
+    /// Pairs the corners of the model with those of the copy.
     fn corners<'s>(&'s self, pairs: &'s [Pair], mirrored: bool) -> impl Iterator<Item = (DVec3, DVec3)> + Clone + 's {
         self.model.corners.iter().zip(pairs).flat_map(move |(corners, pair)| {
             let (order, others) = (pair.corners(mirrored), &self.copy.corners[pair.triangle as usize]);
@@ -124,12 +127,12 @@ impl Task<'_> {
         })
     }
 
-    /// How far the farthest corner is off.
+    /// Returns the largest deviation of a corner.
     fn error(&self, pairs: &[Pair], motion: &DAffine3, mirrored: bool) -> f64 {
         self.corners(pairs, mirrored).map(|(p, q)| motion.transform_point3(p).distance(q)).fold(0.0, f64::max)
     }
 
-    /// Whether everything but the positions agrees.
+    /// Whether everything except the positions agrees.
     fn agrees(&self, pairs: &[Pair], motion: &DAffine3, mirrored: bool) -> bool {
         let scale = motion.matrix3.determinant().abs().cbrt();
         let turn = motion.matrix3 * (1.0 / scale);

@@ -1,9 +1,9 @@
-//! Motions that may take a mesh to another whose vertices and triangles are in another order.
+//! Motions that may map a mesh to another with vertices and triangles in a different order.
 //!
-//! Two corners of the model, together with the mean of all corners, fix a motion up to mirroring. They are chosen far
-//! out, so that errors stay small, and rare: as unlike other corners as there are, by what no motion changes. Every
-//! pair of corners of the copy that looks the same gives two motions. A symmetric shape has no rare corners, but
-//! there nearly every pair is right.
+//! Two corners of the model, together with the mean of all corners, determine a motion up to mirroring. They are chosen
+//! far out, so that errors stay small, and rare: as different from other corners as possible in properties that no
+//! motion changes. Each pair of matching corners of the copy gives two motions. A symmetric shape has no rare corners,
+//! but nearly every pair is then right.
 
 use std::hash::Hasher;
 
@@ -14,26 +14,27 @@ use super::grid::Budget;
 use super::shape::Shape;
 use super::signature::sides;
 
-/// The first anchor lies no nearer to the middle than this share of the farthest corner's distance.
+/// The distance of the first anchor from the middle is at least this share of the farthest corner's.
 const FAR: f64 = 0.5;
 
-/// The second anchor lies no nearer to the line through middle and first anchor than this share of the farthest
-/// corner's distance from it.
+/// The distance of the second anchor from the line through the middle and the first anchor is at least this share of
+/// the farthest corner's.
 const ASIDE: f64 = 0.3;
 
-/// Points whose triangle with the middle is thinner than this are on a line with it.
+/// Points whose triangle with the middle is thinner than this are considered collinear with it.
 const ON_A_LINE: f64 = 1e-6;
 
-/// Lengths of the model that differ by less, in units of the spread, count as alike when rarity is judged.
+/// Lengths of the model that differ by less than this, in units of the spread, are considered equal when counting
+/// rarity.
 const ALIKE: f64 = 1e-3;
 
-/// A corner by what no motion and no order changes; lengths in units of the spread.
+/// Properties of a corner that no motion or reordering changes; lengths in units of the spread.
 #[derive(Clone, Copy)]
 struct Feature {
     key: u64,
-    /// Distance from the middle, the shorter and the longer side here, the side opposite.
+    /// Distance from the middle, the shorter and the longer adjacent side, the opposite side.
     lengths: [f64; 4],
-    /// From the middle.
+    /// Position relative to the middle.
     at: DVec3,
 }
 
@@ -63,8 +64,8 @@ fn features(shape: &Shape) -> impl Iterator<Item = Feature> {
     })
 }
 
-/// Calls `attempt` with motions that take `model` to `copy` as far as two corners tell, until it succeeds; `slack` is
-/// how far corners of the copy may be off.
+/// Calls `attempt` with motions that map `model` to `copy` as far as two corners determine, until it succeeds. `slack`
+/// is how far corners of the copy may deviate.
 pub(super) fn first_success<T>(
     model: &Shape,
     copy: &Shape,
@@ -94,7 +95,7 @@ pub(super) fn first_success<T>(
     None
 }
 
-/// Two corners that fix a motion; `None` where all lie on a line through the middle.
+/// Returns two corners that determine a motion; `None` if all corners lie on a line through the middle.
 fn anchors(model: &Shape) -> Option<[Feature; 2]> {
     let all: Vec<Feature> = features(model).collect();
     let mut counts: FxHashMap<u64, u32> = FxHashMap::default();
@@ -109,14 +110,14 @@ fn anchors(model: &Shape) -> Option<[Feature; 2]> {
     Some([first, second])
 }
 
-/// Where the corners are that look like an anchor, each place once.
+/// Returns the positions of the corners that match an anchor, without duplicates.
 fn lookalikes(copy: &Shape, anchor: &Feature, slack: f64) -> Vec<DVec3> {
     let mut places = FxHashSet::default();
     let alike = features(copy).filter(|f| f.looks_like(anchor, slack));
     alike.filter(|f| places.insert(f.at.to_array().map(f64::to_bits))).map(|f| f.at).collect()
 }
 
-/// The motion that takes the middle to the middle and the anchors as near to their places as a similarity does.
+/// Returns the similarity that maps the middle to the middle and the anchors as close to their targets as possible.
 fn motion(model: &Shape, copy: &Shape, from: [DVec3; 2], to: [DVec3; 2], mirrored: bool) -> Option<DAffine3> {
     let basis = |[p, q]: [DVec3; 2], side: f64| -> Option<DMat3> {
         let x = p.try_normalize()?;

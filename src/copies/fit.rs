@@ -1,21 +1,22 @@
-//! The motion that takes points to points best, and its coefficients as a file holds them.
+//! Fits motions to pairs of points, with coefficients as stored in files.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// Coefficients of a linear part nearer than this to 0 or to the scale, and scales nearer to 1, are taken for it.
+/// Coefficients of a rotation nearer than this to 0 or ±1, and scales nearer than this to 1, are replaced by that
+/// value.
 const SNAP: f64 = 1e-6;
 
-/// Turns of the cyclic Jacobi method; it converges quadratically.
+/// Number of sweeps of the cyclic Jacobi method; it converges quadratically.
 const SWEEPS: usize = 32;
 
-/// The similarity that takes `from` to `to` with the least squared error (B. K. P. Horn, "Closed-form solution of
-/// absolute orientation using unit quaternions", 1987; the scale is the symmetric one of its section 2.E), mirroring or
-/// not. `None` where all points coincide or there are none.
+/// Returns the similarity that maps `from` to `to` with the least squared error (B. K. P. Horn, "Closed-form solution
+/// of absolute orientation using unit quaternions", 1987; the scale is the symmetric one of its section 2.E), with or
+/// without mirroring. `None` if all points coincide or there are none.
 pub(super) fn similarity(pairs: impl Iterator<Item = (DVec3, DVec3)> + Clone, mirrored: bool) -> Option<DAffine3> {
     let (count, from, to) =
         pairs.clone().fold((0.0, DVec3::ZERO, DVec3::ZERO), |(n, a, b), (p, q)| (n + 1.0, a + p, b + q));
     let (from, to) = (from / count, to / count);
-    // A mirroring is a turn after the reflection at the centre.
+    // A mirroring motion is a rotation after a reflection at the centre.
     let side = if mirrored { -1.0 } else { 1.0 };
     let (mut cross, mut size_from, mut size_to) = (DMat3::ZERO, 0.0, 0.0);
     for (p, q) in pairs {
@@ -32,7 +33,7 @@ pub(super) fn similarity(pairs: impl Iterator<Item = (DVec3, DVec3)> + Clone, mi
     Some(DAffine3::from_mat3_translation(linear, to - linear * from))
 }
 
-/// The turn that a cross-covariance (its columns by the coordinates turned to) speaks for most.
+/// Returns the rotation that best fits a cross-covariance (one column per target coordinate).
 fn turn(cross: &DMat3) -> DQuat {
     let s = |from: usize, to: usize| cross.col(to)[from];
     let [x, y, z] = [0, 1, 2];
@@ -47,7 +48,7 @@ fn turn(cross: &DMat3) -> DQuat {
     if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY }
 }
 
-/// The largest eigenvalue of a symmetric matrix and its eigenvector (C. G. J. Jacobi, 1846, in cyclic order).
+/// Returns the largest eigenvalue of a symmetric matrix and its eigenvector (C. G. J. Jacobi, 1846, in cyclic order).
 pub(super) fn largest_eigenpair<const N: usize>(mut m: [[f64; N]; N]) -> (f64, [f64; N]) {
     let mut vectors = [[0.0; N]; N];
     (0..N).for_each(|i| vectors[i][i] = 1.0);
@@ -62,7 +63,7 @@ pub(super) fn largest_eigenpair<const N: usize>(mut m: [[f64; N]; N]) -> (f64, [
     (m[largest][largest], std::array::from_fn(|row| vectors[row][largest]))
 }
 
-/// Makes the element at `p`, `q` zero.
+/// Zeroes the element at `p`, `q`.
 fn rotate<const N: usize>(m: &mut [[f64; N]; N], vectors: &mut [[f64; N]; N], p: usize, q: usize) {
     if m[p][q] == 0.0 {
         return;
@@ -79,9 +80,9 @@ fn rotate<const N: usize>(m: &mut [[f64; N]; N], vectors: &mut [[f64; N]; N], p:
     m[q] = std::array::from_fn(|k| s * old_p[k] + c * old_q[k]);
 }
 
-/// By how much a linear map stretches at most.
+/// Returns the largest factor by which a linear map stretches.
 pub(super) fn stretch(m: &DMat3) -> f64 {
-    // Scaled, so that squares neither overflow nor vanish.
+    // Scaled, so that squares neither overflow nor underflow.
     let largest = m.to_cols_array().into_iter().fold(0.0, |all: f64, c| all.max(c.abs()));
     if largest == 0.0 || !largest.is_finite() {
         return largest;
@@ -91,14 +92,14 @@ pub(super) fn stretch(m: &DMat3) -> f64 {
     largest * square.max(0.0).sqrt()
 }
 
-/// A motion with its coefficients rounded to single precision; `None` where one overflows.
+/// Rounds the coefficients of a motion to single precision; `None` if one overflows.
 pub(super) fn rounded(motion: &DAffine3) -> Option<DAffine3> {
     let coefficients = motion.to_cols_array().map(|c| f64::from(c as f32) + 0.0);
     coefficients.iter().all(|c| c.is_finite()).then(|| DAffine3::from_cols_array(&coefficients))
 }
 
-/// A motion whose turn is one of those that exchange axes, if it is nearly one, and whose scale is 1, if it nearly is;
-/// `from` goes where it went.
+/// Replaces the rotation of a motion by a nearby one that permutes axes, if there is one, and the scale by 1 if it is
+/// nearly 1; the image of `from` stays the same.
 pub(super) fn snapped(motion: &DAffine3, from: DVec3) -> DAffine3 {
     let m = motion.matrix3;
     let scale = m.determinant().abs().cbrt();

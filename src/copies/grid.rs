@@ -1,4 +1,4 @@
-//! Triangles by place, to find the one that a triangle goes to.
+//! A spatial grid of triangles, to find the image of a triangle.
 
 use std::ops::Range;
 
@@ -7,7 +7,8 @@ use rustc_hash::FxHashMap;
 
 use super::shape::Shape;
 
-/// Which triangle of the copy a triangle of the model is, and which of its corners the first one is.
+/// The triangle of the copy that corresponds to a triangle of the model, and the corner that corresponds to its first
+/// one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pair {
     pub(super) triangle: u32,
@@ -15,37 +16,37 @@ pub(super) struct Pair {
 }
 
 impl Pair {
-    /// The copy's corners in the order of the model's; a mirroring reverses it.
+    /// Returns the copy's corners in the order of the model's; mirroring reverses it.
     pub(super) fn corners(self, mirrored: bool) -> [usize; 3] {
         let t = usize::from(self.turn);
         if mirrored { [t, (t + 2) % 3, (t + 1) % 3] } else { [t, (t + 1) % 3, (t + 2) % 3] }
     }
 }
 
-/// Work that may be done on a pair of meshes, in triangles compared.
+/// The remaining work for a pair of meshes, in triangle comparisons.
 pub(super) struct Budget(pub(super) u64);
 
 impl Budget {
-    /// Takes some off; `None` when it is used up.
+    /// Subtracts work; `None` if too little is left.
     pub(super) fn spend(&mut self, work: u64) -> Option<()> {
         self.0 = self.0.checked_sub(work)?;
         Some(())
     }
 }
 
-/// Triangles a wrong motion is tried on before all are.
+/// Number of triangles on which a motion is tested before all are.
 const PROBES: usize = 8;
 
-/// The triangles of a copy by the middle of their corners. Triangles that nothing tells apart form a class, so that of
-/// very many in one place only one is looked at.
+/// The triangles of a copy by the mean of their corners. Indistinguishable triangles form a class, so that only one of
+/// very many in the same place is examined.
 pub(super) struct Grid<'a> {
     copy: &'a Shape<'a>,
-    /// How far corners may be off.
+    /// How far corners may deviate.
     slack: f64,
     width: f64,
-    /// The classes of each cell that holds triangles.
+    /// The classes of each non-empty cell.
     cells: FxHashMap<[i64; 3], Range<u32>>,
-    /// Where each class starts in `triangles`, and their number.
+    /// Start of each class in `triangles`, followed by their number.
     classes: Vec<u32>,
     triangles: Vec<u32>,
 }
@@ -56,7 +57,7 @@ fn middle(corners: &[DVec3; 3]) -> DVec3 {
 
 impl<'a> Grid<'a> {
     pub(super) fn new(copy: &'a Shape<'a>, slack: f64) -> Grid<'a> {
-        // Cells never so small that their numbers overflow.
+        // Cells are large enough for their numbers not to overflow.
         let width = (2.0 * slack).max(1e-9 * copy.spread).max(f64::MIN_POSITIVE);
         let mut grid =
             Grid { copy, slack, width, cells: FxHashMap::default(), classes: Vec::new(), triangles: Vec::new() };
@@ -84,7 +85,7 @@ impl<'a> Grid<'a> {
         ((point - self.copy.center) / self.width).floor().to_array().map(|c| c as i64)
     }
 
-    /// The classes in the cells that hold what may be meant by a point.
+    /// Returns the classes in the cells that may contain a match for a point.
     fn near(&self, point: DVec3) -> impl Iterator<Item = usize> {
         let (low, high) = (self.cell(point - self.slack), self.cell(point + self.slack));
         let range = move |axis: usize| low[axis]..=high[axis];
@@ -92,8 +93,8 @@ impl<'a> Grid<'a> {
         cells.filter_map(|cell| self.cells.get(&cell)).flat_map(|c| c.start as usize..c.end as usize)
     }
 
-    /// Gives every triangle of the model, moved, the nearest free one of the copy with the same keys and the same side
-    /// in front; `None` where one finds none.
+    /// Pairs each triangle of the model, moved, with the nearest free one of the copy that has the same keys and
+    /// orientation; `None` if one has no match.
     pub(super) fn pair(&self, model: &Shape, motion: &DAffine3, budget: &mut Budget) -> Option<Vec<Pair>> {
         let count = model.corners.len();
         let probes = PROBES.min(count);
@@ -110,7 +111,8 @@ impl<'a> Grid<'a> {
         Some(pairs)
     }
 
-    /// The class of the nearest triangle and its turn; `free` says where in each class the free ones start.
+    /// Returns the class of the nearest triangle and its turn; `free` holds the start of the free triangles in each
+    /// class.
     fn nearest(
         &self,
         model: &Shape,
@@ -139,7 +141,7 @@ impl<'a> Grid<'a> {
         best.map(|(_, found)| found)
     }
 
-    /// How far the farthest corner is off, if the triangles may be the same.
+    /// Returns the largest deviation of a corner; `None` if the triangles cannot match.
     fn distance(&self, moved: &[DVec3; 3], keys: &[u64; 3], pair: Pair, mirrored: bool) -> Option<f64> {
         let at = pair.triangle as usize;
         let (corners, other_keys, order) = (&self.copy.corners[at], &self.copy.keys[at], pair.corners(mirrored));

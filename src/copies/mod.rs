@@ -1,18 +1,18 @@
-//! Meshes that are copies of others, found and made instances of them.
+//! Meshes that are copies of others: finds them, and makes them instances of these.
 //!
-//! Exporters write repeated objects out with their place baked into the vertices, so that what is one mesh in truth is
-//! stored and built many times. A mesh is a *copy* of another, its *model*, if it has the same triangles up to their
-//! order and that of the vertices, after a *motion*: a turn, a shift, a uniform scale and perhaps a mirroring. What
-//! must agree: the material, the format of vertices, extensions and extras of every triangle's primitive; the side
-//! that is its front; every vertex attribute, bit by bit; normals and tangents after the motion, bit by bit where it
-//! does not turn, else within [`TURNED`]; positions within [`Options::max_position_error_ratio`].
+//! Exporters often write out repeated objects with the transform baked into the vertices, so that what is really one
+//! mesh is stored and built many times. A mesh is a *copy* of another, its *model*, if it has the same triangles up to
+//! the order of triangles and vertices, after a *motion*: a rotation, a translation, a uniform scale and possibly a
+//! mirroring. The following must agree: the material, vertex format, extensions and extras of each triangle's
+//! primitive; which side is the front; each vertex attribute, bit by bit; normals and tangents after the motion, bit by
+//! bit if it does not rotate, else within [`TURNED`]; positions within [`Options::max_position_error_ratio`].
 //!
-//! Helps where an exporter flattened its scene; where it did not, the signatures differ and nothing more is looked at.
+//! Helps if an exporter flattened its scene; otherwise the signatures differ and nothing more is examined.
 //!
 //! Near-linear: meshes are sorted by a signature that no motion changes ([`signature`]), and only those within its
-//! error bars of a model are aligned with it ([`align`]). Where very many meshes differ by little more than the
-//! tolerance, comparing signatures takes longer than that. A mesh that resembles [`MOST_ATTEMPTS`] models without being a
-//! copy of any is not tried again, but for exact copies.
+//! error bars of a model are aligned with it ([`align`]). If very many meshes differ by little more than the tolerance,
+//! comparing signatures takes longer. A mesh that resembles [`MOST_ATTEMPTS`] models without being a copy of any is
+//! then tested only for exact copies.
 
 mod align;
 mod anchors;
@@ -36,33 +36,33 @@ use align::Alignment;
 use shape::Shape;
 use signature::Signature;
 
-/// How far the components of a turned normal or tangent, of unit length, may lie from the copy's: file formats that
-/// are text often give them four digits. Stored as integers, they may be off by two steps more.
+/// Maximum difference between the components of a rotated normal or tangent, of unit length, and the copy's: text
+/// formats often store only four digits. Components stored as integers may differ by two more steps.
 pub const TURNED: f64 = 5e-4;
 
-/// Models that a mesh is aligned with in vain before it counts as a model itself.
+/// Number of models that a mesh is aligned with in vain before it counts as a model itself.
 pub const MOST_ATTEMPTS: u32 = 16;
 
-/// Which copies are looked for.
+/// Which copies to search for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Likeness {
-    /// Those with the same coordinates: triangles and vertices may be in another order.
+    /// Those with the same coordinates; triangles and vertices may be in a different order.
     Exact,
-    /// Also those turned, moved, uniformly scaled or mirrored.
+    /// Also rotated, translated, uniformly scaled or mirrored ones.
     #[default]
     Rigid,
 }
 
-/// How to look.
+/// Options of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Which copies are looked for.
+    /// Which copies to search for.
     pub likeness: Likeness,
-    /// How far a vertex may move, over the diagonal of the scene. Never more than a ten-thousandth of the mesh's own
-    /// size, or, where coordinates are so large that single precision is coarser, than this ratio of them, up to a
-    /// hundredth.
+    /// How far a vertex may move, relative to the diagonal of the scene. Never more than a ten-thousandth of the mesh's
+    /// own size or, if coordinates are so large that single precision is coarser, than this ratio of them, up to a
+    /// hundredth of its size.
     pub max_position_error_ratio: f64,
-    /// Predicted bytes of BLASes that copies must be able to save to be looked for; 0 to find them all.
+    /// Predicted bytes of BLASes that copies must be able to save for a search to start; 0 to always search.
     pub least_saved_bytes: u64,
 }
 
@@ -71,16 +71,17 @@ pub struct Options {
 pub struct CopiedMesh {
     /// The copy.
     pub mesh: MeshId,
-    /// What it is a copy of; no copy itself.
+    /// Its model, which is not itself a copy.
     pub model: MeshId,
     /// Copy from model; each coefficient is exactly a 32-bit float.
     pub motion: DAffine3,
-    /// Which triangle of the copy each of the model is; `None` where both are in the same order.
+    /// For each triangle of the model, that of the copy; `None` if both have the same order.
     pub order: Option<Arc<TriangleOrder>>,
 }
 
 impl CopiedMesh {
-    /// Whether boxes around the model are as tight as those around the copy: the motion turns by quarters, or not at all.
+    /// Whether boxes around the model are as tight as those around the copy: the motion rotates by quarter turns, or
+    /// not at all.
     pub fn keeps_boxes(&self) -> bool {
         let columns = self.motion.matrix3.to_cols_array_2d();
         columns.iter().all(|column| column.iter().filter(|c| **c != 0.0).count() <= 1)
@@ -90,19 +91,19 @@ impl CopiedMesh {
 /// The copies of a scene, in the order of its meshes.
 #[derive(Clone, Debug, Default)]
 pub struct Copies {
-    /// Each mesh at most once.
+    /// Each mesh occurs at most once.
     pub list: Vec<CopiedMesh>,
-    /// Predicted bytes of BLASes that all there might be could save, where that is too little for any to be looked for.
+    /// Predicted bytes of BLASes that all possible copies could save, if that is too little to start the search.
     pub most_saved_bytes: Option<u64>,
 }
 
 impl Copies {
-    /// How many different meshes they are copies of.
+    /// Returns the number of different models.
     pub fn models(&self) -> usize {
         self.list.iter().map(|c| c.model).collect::<BTreeSet<_>>().len()
     }
 
-    /// Lets the models stand in for their copies wherever `scene` places these.
+    /// Returns an overlay in which the models stand in for their copies wherever `scene` places these.
     pub fn overlay(&self, scene: &Scene) -> Overlay {
         if self.list.is_empty() {
             return Overlay::default();
@@ -118,13 +119,14 @@ impl Copies {
 }
 
 /// Finds the meshes that are copies of others. Meshes placed by a pinned instance are models, never copies; those with
-/// points, lines, morph targets or dropped triangles are neither. The model of a class is the mesh of it nearest to its
-/// origin, which is stored most precisely; the first of them in the file.
+/// points, lines, morph targets or dropped triangles are neither. The model of a class is the mesh nearest to its
+/// origin, which is stored most precisely; the first in the file wins ties.
 pub fn find(doc: &Document, scene: &Scene, options: &Options) -> Copies {
     find_as(doc, scene, &roles(doc, scene), options)
 }
 
-/// Finds the exact copies among meshes that were found to be copies but are not shared, and their models: these stay models.
+/// Finds exact copies among the meshes in `left_out`, which were found to be copies but are not shared, and their
+/// models, which stay models.
 pub fn find_exact_among(
     doc: &Document,
     scene: &Scene,
@@ -164,7 +166,7 @@ fn find_as(doc: &Document, scene: &Scene, roles: &[Role], options: &Options) -> 
     Copies { list, most_saved_bytes: None }
 }
 
-/// The exact copies among the meshes that are no copies yet: where many resemble each other, they were not all compared.
+/// Finds the exact copies among the meshes that are not yet copies: if many resemble each other, not all were compared.
 fn exact_among_the_rest(
     doc: &Document,
     scene: &Scene,
@@ -181,15 +183,15 @@ fn exact_among_the_rest(
     find_as(doc, scene, &rest, &options).list
 }
 
-/// What a mesh can be.
+/// The roles that a mesh may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     /// Neither copy nor model.
     None,
     /// A model only.
     Model,
-    /// A copy where the motion is the identity, else a model: copies of `EXT_mesh_gpu_instancing` are placed in the
-    /// coordinates of the mesh.
+    /// A copy if the motion is the identity, else a model: copies by `EXT_mesh_gpu_instancing` are placed in mesh
+    /// coordinates.
     InPlace,
     /// Either.
     Any,
@@ -217,7 +219,7 @@ fn roles(doc: &Document, scene: &Scene) -> Vec<Role> {
     roles
 }
 
-/// The meshes that have as many triangles of each material and kind as others, together with these.
+/// Groups meshes with equal numbers of triangles of each material and kind; omits groups of one.
 fn alike(scene: &Scene, roles: &[Role]) -> Vec<Vec<MeshId>> {
     let mut counts: BTreeMap<u64, Vec<MeshId>> = BTreeMap::new();
     for (i, mesh) in (0u32..).zip(scene.meshes.iter()).filter(|(i, _)| roles[*i as usize] != Role::None) {
@@ -226,13 +228,13 @@ fn alike(scene: &Scene, roles: &[Role]) -> Vec<Vec<MeshId>> {
     counts.into_values().filter(|meshes| meshes.len() > 1).collect()
 }
 
-/// Predicted bytes of BLASes that are saved if one of some meshes with as many triangles stands in for all others.
+/// Predicts the bytes of BLASes saved if one of some meshes with equal triangle counts stands in for all others.
 fn most_saved(scene: &Scene, meshes: &[MeshId]) -> u64 {
     let bytes = |mesh: &MeshId| bytes::blas(scene.meshes[mesh.0 as usize].triangle_count() as u64);
     meshes.iter().skip(1).map(bytes).fold(0, u64::saturating_add)
 }
 
-/// The meshes whose signatures resemble that of another.
+/// Returns the meshes whose signatures resemble that of another.
 fn resembling(group: &[Signature]) -> Vec<MeshId> {
     let buckets = signature::Buckets::new(group);
     let mut resembles = vec![false; group.len()];
@@ -253,10 +255,10 @@ fn by_key(signatures: Vec<Signature>) -> BTreeMap<u64, Vec<Signature>> {
     groups
 }
 
-/// What came of a group.
+/// The result for a group.
 struct Found {
     copies: Vec<CopiedMesh>,
-    /// Whether some mesh resembles more models than it was compared with.
+    /// Whether a mesh resembles more models than it was compared with.
     given_up: bool,
 }
 
@@ -268,7 +270,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The copies among meshes whose signatures have the same key.
+    /// Returns the copies among meshes whose signatures have the same key.
     fn group(&self, mut group: Vec<Signature>) -> Found {
         group.sort_by(|a, b| {
             let preference = |s: &Signature| (self.roles[s.mesh.0 as usize] != Role::Model, s.reach);

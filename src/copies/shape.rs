@@ -1,4 +1,4 @@
-//! A mesh as its triangles, each with all that must agree between copies.
+//! A mesh as triangles with all properties that must agree between copies.
 
 use std::hash::Hasher;
 
@@ -10,14 +10,14 @@ use rustc_hash::FxHasher;
 use super::TURNED;
 use crate::scene::{Geometry, Mesh, MeshId, Scene};
 
-/// The triangles of a mesh, counted through its geometries.
+/// The triangles of a mesh, numbered through its geometries.
 pub(super) struct Shape<'a> {
     mesh: &'a Mesh,
     /// By geometry.
     parts: Vec<Part<'a>>,
     /// Corners in mesh coordinates.
     pub(super) corners: Vec<[DVec3; 3]>,
-    /// For each corner a hash of what must agree bit by bit.
+    /// For each corner, a hash of the properties that must agree bit by bit.
     pub(super) keys: Vec<[u64; 3]>,
     /// A hash of the mesh's own extras and extensions.
     pub(super) properties: u64,
@@ -27,9 +27,9 @@ pub(super) struct Shape<'a> {
     pub(super) spread: f64,
 }
 
-/// The vertex attributes of a geometry but its positions.
+/// The vertex attributes of a geometry except its positions.
 struct Part<'a> {
-    /// What a motion turns.
+    /// Rotated by a motion, like the tangent.
     normal: Option<Attribute<'a>>,
     tangent: Option<Attribute<'a>>,
     /// The others, by name.
@@ -71,24 +71,24 @@ impl<'a> Shape<'a> {
         Shape { mesh, parts, corners, keys, properties, center, spread }
     }
 
-    /// What lengths are measured in: the spread, where there is any.
+    /// Returns the unit of lengths: the spread, or 1 if it is 0.
     pub(super) fn unit(&self) -> f64 {
         if self.spread > 0.0 { self.spread } else { 1.0 }
     }
 
-    /// How far a point lies from the middle, in that unit.
+    /// Returns the distance of a point from the middle, in that unit.
     pub(super) fn distance(&self, point: DVec3) -> f64 {
         point.distance(self.center) / self.unit()
     }
 
-    /// The distances of all corners from the middle, ascending.
+    /// Returns the distances of all corners from the middle, in ascending order.
     pub(super) fn distances(&self) -> Vec<f64> {
         let mut distances: Vec<f64> = self.corners.as_flattened().iter().map(|p| self.distance(*p)).collect();
         distances.sort_unstable_by(f64::total_cmp);
         distances
     }
 
-    /// Whether two corners agree in everything but their position, after a turn of the first (`None`: not turned).
+    /// Whether two corners agree in everything except their position, after rotating the first (`None`: no rotation).
     pub(super) fn corner_agrees(
         &self,
         [triangle, corner]: [usize; 2],
@@ -120,15 +120,15 @@ impl<'a> Shape<'a> {
     }
 }
 
-/// Spreads the bits of a number over all of its bits (G. L. Steele, D. Lea and C. H. Flood, "Fast splittable
-/// pseudorandom number generators", 2014), so that sums of such numbers tell multisets apart.
+/// Spreads the bits of a number over all its bits (G. L. Steele, D. Lea and C. H. Flood, "Fast splittable pseudorandom
+/// number generators", 2014), so that sums of such numbers distinguish multisets.
 pub(super) fn mixed(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)
 }
 
-/// A hash of what all triangles of a geometry have in common.
+/// Returns a hash of the properties shared by all triangles of a geometry.
 pub(super) fn kind(geometry: &Geometry) -> u64 {
     let mut hasher = FxHasher::default();
     hasher.write_u32(geometry.material.map_or(u32::MAX, |m| m));
@@ -143,7 +143,7 @@ fn corner_key(kind: u64, part: &Part, vertex: u32) -> u64 {
     mixed(hasher.finish())
 }
 
-/// A hash of what a mesh says besides its name and primitives.
+/// Returns a hash of a mesh's properties other than its name and primitives.
 fn properties(doc: &Document, mesh: usize) -> u64 {
     let mut hasher = FxHasher::default();
     for (key, text) in doc.mesh_properties(mesh) {
@@ -154,7 +154,7 @@ fn properties(doc: &Document, mesh: usize) -> u64 {
 }
 
 fn mean(points: &[DVec3]) -> DVec3 {
-    // Taken from the first point, so that far from the origin nothing is lost.
+    // Relative to the first point, so that no precision is lost far from the origin.
     let Some(&first) = points.first() else { return DVec3::ZERO };
     first + points.iter().map(|&p| p - first).sum::<DVec3>() / points.len() as f64
 }
@@ -163,8 +163,8 @@ fn mean_square(points: &[DVec3], center: DVec3) -> f64 {
     points.iter().map(|p| p.distance_squared(center)).sum::<f64>() / points.len().max(1) as f64
 }
 
-/// Whether two normals or tangents agree after a turn of the first; of tangents the side too, which a mirroring
-/// exchanges.
+/// Whether two normals or tangents agree after rotating the first; for tangents, also their handedness, which mirroring
+/// reverses.
 fn directions_agree([(a, vertex_a), (b, vertex_b)]: [(&Option<Attribute>, u32); 2], turn: Option<&DMat3>) -> bool {
     let (a, b) = match (a, b) {
         (Some(a), Some(b)) => (a, b),
@@ -178,7 +178,7 @@ fn directions_agree([(a, vertex_a), (b, vertex_b)]: [(&Option<Attribute>, u32); 
     side == side_b && off <= TURNED + 2.0 * step(a).max(step(b))
 }
 
-/// The step between components of unit vectors as they are stored.
+/// Returns the step between stored components of unit vectors.
 fn step(attribute: &Attribute) -> f64 {
     attribute.element.component.one().map_or(0.0, |one| 1.0 / one)
 }

@@ -1,4 +1,4 @@
-//! What copies have in common whatever their order and motion: a key, and lengths in units of their own size.
+//! Signatures shared by copies regardless of order and motion: a key, and lengths in units of the mesh's size.
 
 use std::hash::Hasher;
 
@@ -12,19 +12,20 @@ use super::shape::{Shape, kind, mixed};
 use super::{Likeness, Options};
 use crate::scene::{Mesh, MeshId, Scene};
 
-/// Order statistics of the corners' distances from their mean, and as many of the sides' lengths.
+/// Number of order statistics of the corners' distances from their mean, and of the sides' lengths.
 const RANKS: usize = 8;
 
-/// The lengths by which buckets are told apart: the middle and the largest distance, the middle side.
+/// The lengths that determine the bucket: the median and the largest distance, the median side.
 const BUCKET_RANKS: [usize; 3] = [RANKS / 2, RANKS - 1, RANKS + RANKS / 2];
 
-/// Relative rounding of lengths that are computed in double precision.
+/// Relative rounding error of lengths computed in double precision.
 const ROUNDING: f64 = 1e-9;
 
-/// A vertex may be off by so much of a mesh's size, and where its coordinates are coarser, by more, up to the second.
+/// A vertex may deviate by the first share of a mesh's size, and if its coordinates are coarser, by more, up to the
+/// second.
 const OWN_SIZE: [f64; 2] = [1e-4, 1e-2];
 
-/// What copies have in common.
+/// Properties shared by all copies.
 #[derive(Clone, Debug)]
 pub(super) struct Signature {
     pub(super) mesh: MeshId,
@@ -32,19 +33,20 @@ pub(super) struct Signature {
     pub(super) key: u64,
     /// The largest coordinate.
     pub(super) reach: f64,
-    /// How far a vertex of a copy may be off, in the coordinates of this mesh.
+    /// How far a vertex of a copy may deviate, in the coordinates of this mesh.
     pub(super) tolerance: f64,
-    /// Lengths in units of the spread. No vertex moves by `tolerance` without each changing by [`Signature::bar`] at most.
+    /// Lengths in units of the spread. If vertices move by at most `tolerance`, each changes by at most
+    /// [`Signature::bar`].
     lengths: [f64; 2 * RANKS],
     relative_tolerance: f64,
 }
 
-/// A hash of how many triangles there are of each material and kind.
+/// Returns a hash of the number of triangles of each material and kind.
 pub(super) fn coarse_key(mesh: &Mesh) -> u64 {
     mesh.geometries.iter().fold(0, |sum, g| (g.triangles.len() as u64).wrapping_mul(kind(g)).wrapping_add(sum))
 }
 
-/// The signatures of some meshes, in their order.
+/// Returns the signatures of some meshes, in their order.
 pub(super) fn of_all(doc: &Document, scene: &Scene, meshes: &[MeshId], options: &Options) -> Vec<Signature> {
     let limit = options.max_position_error_ratio * scene.bounds().diagonal();
     let mut stretches = vec![0.0_f64; scene.meshes.len()];
@@ -60,7 +62,7 @@ pub(super) fn of_all(doc: &Document, scene: &Scene, meshes: &[MeshId], options: 
 }
 
 impl Signature {
-    /// `budget` is how far a vertex may be off as far as the scene is concerned.
+    /// `budget` is how far a vertex may deviate, as allowed by the scene.
     fn new(shape: &Shape, mesh: MeshId, budget: f64, options: &Options) -> Signature {
         let points = shape.corners.as_flattened();
         let reach = points.iter().fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
@@ -84,7 +86,7 @@ impl Signature {
         }
     }
 
-    /// How far one of the lengths of a copy may be off.
+    /// Returns how far one of the lengths of a copy may deviate.
     fn bar(&self, length: f64) -> f64 {
         bar(self.relative_tolerance, length)
     }
@@ -95,12 +97,12 @@ impl Signature {
     }
 }
 
-/// How far a length may be off where vertices may be off by `tolerance`, both in units of the spread.
+/// Returns how far a length may deviate if vertices may deviate by `tolerance`, both in units of the spread.
 pub(super) fn bar(tolerance: f64, length: f64) -> f64 {
     (4.0 * tolerance + ROUNDING) * (1.0 + length)
 }
 
-/// In mesh coordinates, with a margin for the rounding of the check itself.
+/// Returns the tolerance in mesh coordinates, with a margin for rounding errors of the check itself.
 fn tolerance(shape: &Shape, reach: f64, budget: f64, ratio: f64) -> f64 {
     let corner = |pick: fn(DVec3, DVec3) -> DVec3| shape.corners.as_flattened().iter().copied().reduce(pick);
     let size = match (corner(DVec3::min), corner(DVec3::max)) {
@@ -114,12 +116,12 @@ fn tolerance(shape: &Shape, reach: f64, budget: f64, ratio: f64) -> f64 {
     0.999 * budget.min(own.clamp(OWN_SIZE[0] * size, OWN_SIZE[1] * size))
 }
 
-/// Lengths of a triangle's sides; each is opposite the corner of its index.
+/// Returns the lengths of a triangle's sides, each with the index of the opposite corner.
 pub(super) fn sides([a, b, c]: &[DVec3; 3]) -> [f64; 3] {
     [b.distance(*c), c.distance(*a), a.distance(*b)]
 }
 
-/// The values at evenly spaced ranks, the smallest and the largest among them.
+/// Writes the values at evenly spaced ranks, including the smallest and the largest.
 fn order_statistics(values: &mut [f64], out: &mut [f64]) {
     values.sort_unstable_by(f64::total_cmp);
     let last = values.len().saturating_sub(1);
@@ -132,7 +134,7 @@ fn order_statistics(values: &mut [f64], out: &mut [f64]) {
 fn key(shape: &Shape, likeness: Likeness) -> u64 {
     let position = |p: &DVec3| {
         let mut hasher = FxHasher::default();
-        // A sum with zero turns -0 into 0.
+        // Adding zero turns -0 into 0.
         p.to_array().iter().for_each(|c| hasher.write_u64((c + 0.0).to_bits()));
         mixed(hasher.finish())
     };
@@ -146,7 +148,7 @@ fn key(shape: &Shape, likeness: Likeness) -> u64 {
     triangles.fold(mixed(shape.properties), u64::wrapping_add)
 }
 
-/// Signatures in a grid of three of their lengths, whose cells are as wide as the widest error bars.
+/// Signatures in a grid over three of their lengths, with cells as wide as the widest error bars.
 pub(super) struct Buckets {
     cells: FxHashMap<[i64; 3], Vec<usize>>,
     widths: [f64; 3],
@@ -166,7 +168,8 @@ impl Buckets {
         std::array::from_fn(|i| (signature.lengths[BUCKET_RANKS[i]] / self.widths[i]) as i64)
     }
 
-    /// Those that are asked for among those within the error bars of a signature, and some more, in ascending order.
+    /// Returns, in ascending order, the `wanted` ones among those within the error bars of a signature and some others
+    /// nearby.
     pub(super) fn near(&self, signature: &Signature, wanted: impl Fn(usize) -> bool) -> Vec<usize> {
         let cell = self.cell(signature);
         let mut near = Vec::new();

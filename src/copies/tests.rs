@@ -1,4 +1,4 @@
-//! Generated classes of copies and of meshes that are none.
+//! Generated classes of copies, and of meshes that are not copies.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::*;
 use crate::scene::{self, LoadOptions, TriangleRef};
 
-/// A mesh to be written.
+/// A mesh to write.
 #[derive(Clone, Default)]
 struct Solid {
     positions: Vec<DVec3>,
@@ -28,7 +28,7 @@ impl Solid {
         Solid { positions, triangles, ..Solid::default() }
     }
 
-    /// Every triangle with corners, normals and texture coordinates of its own.
+    /// Gives each triangle its own corners, normals and texture coordinates.
     fn with_attributes(self) -> Solid {
         let mut full = Solid { material: self.material, ..Solid::default() };
         for (i, t) in self.triangles.iter().enumerate() {
@@ -53,7 +53,7 @@ impl Solid {
         self
     }
 
-    /// Vertices, triangles and the corners of each in another order.
+    /// Shuffles vertices, triangles and the corners of each.
     fn shuffled(&self, random: &mut Rng) -> Solid {
         let mut order: Vec<usize> = (0..self.positions.len()).collect();
         random.shuffle(&mut order);
@@ -86,7 +86,7 @@ fn cube() -> Solid {
     Solid::new((0..8).map(corner).collect(), triangles)
 }
 
-/// A tube of `n` sides, or with `rings` and a profile anything that is turned.
+/// A tube of `n` sides, or with more rings in the profile, any surface of revolution.
 fn turned(n: usize, profile: &[(f64, f64)]) -> Solid {
     let at = |ring: usize, i: usize| {
         let (radius, height) = profile[ring];
@@ -131,7 +131,7 @@ fn shapes() -> Vec<(&'static str, Solid)> {
     ]
 }
 
-/// Accessors, views and bytes of a document in the making.
+/// Accessors, views and bytes of a document under construction.
 #[derive(Default)]
 struct Writer {
     accessors: Vec<Value>,
@@ -174,7 +174,7 @@ impl Writer {
     }
 }
 
-/// A document that places each mesh once, where it is.
+/// A document that places each mesh once, with the identity.
 fn document(solids: &[Solid]) -> Document {
     let mut writer = Writer::default();
     let meshes: Vec<Value> = solids.iter().map(|s| writer.mesh(s)).collect();
@@ -195,7 +195,7 @@ fn load(doc: &Document) -> Scene {
     scene::load(doc, &LoadOptions::default()).expect("the document is sound").0
 }
 
-/// The copies among some meshes; asserts that what stands in for them shows what they show.
+/// Returns the copies among some meshes; asserts that their stand-ins show the same triangles.
 fn copies(solids: &[Solid], options: &Options) -> Copies {
     copies_in(&document(solids), options)
 }
@@ -225,7 +225,7 @@ fn any_motion(random: &mut Rng, side: f64) -> DAffine3 {
     DAffine3::from_scale_rotation_translation(dvec3(scale * side, scale, scale), turn.normalize(), place)
 }
 
-/// All ways of making a copy.
+/// Returns all kinds of copies of a mesh.
 fn variants(solid: &Solid, random: &mut Rng) -> Vec<(&'static str, Solid)> {
     let turn = DAffine3::from_quat(DQuat::from_axis_angle(dvec3(1.0, 2.0, 3.0).normalize(), 1.0));
     let [motion, mirroring] = [1.0, -1.0].map(|side| any_motion(random, side));
@@ -312,7 +312,7 @@ fn what_is_left_out_is_looked_through_for_exact_copies_of_it_and_of_its_model() 
 #[test]
 fn equal_meshes_are_found_among_many_that_nearly_resemble_them() {
     let mut random = Rng::with_seed(6);
-    // Corners are off by up to about three times the tolerance: too far for copies, too little for signatures.
+    // Corners deviate by up to about three times the tolerance: too much for copies, too little for signatures.
     let pair = |_| {
         let mut off = || 1.5e-3 * random.f64();
         let corner = |i: u32| dvec3(2.5 * f64::from(i / 2), f64::from(i % 2) * (0.1 + off()), off());
@@ -329,12 +329,12 @@ fn equal_meshes_are_found_among_many_that_nearly_resemble_them() {
     assert!(groups.into_values().any(|group| search.group(group).given_up), "not all are compared");
     let [rigid, exact] = [rigid, EXACT].map(|options| find(&doc, &scene, &options));
     assert_eq!((exact.list.len(), exact.models()), (80, 80));
-    // Those that are near enough to be copies make it more.
+    // Pairs that are near enough to be copies add to the number.
     let is_paired = |pair: u32| rigid.list.iter().any(|c| c.mesh.0 / 2 == pair);
     assert!(rigid.list.len() >= 80 && (0..80).all(is_paired), "{}", rigid.list.len());
 }
 
-/// Changes that make a mesh no copy.
+/// Returns variants of a mesh that are not copies.
 fn faults(solid: &Solid) -> Vec<(&'static str, Solid)> {
     let changed = |change: &dyn Fn(&mut Solid)| {
         let mut other = solid.clone();
