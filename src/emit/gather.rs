@@ -1,4 +1,4 @@
-//! The vertices and indices of a rewritten group, collected from the primitives its triangles come from.
+//! Collects the vertices and indices of a rewritten group from the source primitives of its triangles.
 
 use glam::{DMat3, DVec3};
 use raykiln_formats::Document;
@@ -11,10 +11,10 @@ use crate::layout::store::{Part, Store, Vertices, rounding_error};
 use crate::layout::{Content, GroupGeometry};
 use crate::scene::Scene;
 
-/// Vertices up to this many are indexed with 16 bits; 65,535 itself is glTF's primitive restart.
+/// Up to this many vertices are indexed with 16 bits; 65,535 itself is glTF's primitive restart value.
 const MOST_SHORT_VERTICES: usize = 65_535;
 
-/// The primitives of a scene, with their attributes at hand.
+/// The primitives of a scene, with their attributes.
 pub(super) struct Sources<'a> {
     scene: &'a Scene,
     /// By mesh, then geometry.
@@ -41,12 +41,12 @@ impl<'a> Sources<'a> {
         Sources { scene, attributes }
     }
 
-    /// Index in the document of the mesh that a part is taken from.
+    /// Returns the document index of the mesh that a part is taken from.
     fn document_mesh(&self, part: &Part) -> u32 {
         self.scene.meshes[part.mesh.0 as usize].source
     }
 
-    /// What the document is told of where a part comes from.
+    /// Returns the source of a part, as recorded in the document.
     fn source(&self, part: &Part) -> Source {
         let instance = part.instance.map(|i| &self.scene.instances[i as usize]);
         Source {
@@ -58,7 +58,7 @@ impl<'a> Sources<'a> {
     }
 }
 
-/// Collects a group; `None` for a mesh that is kept.
+/// Collects a group; `None` for a kept mesh.
 pub(super) fn gather(sources: &Sources, content: &Content) -> Option<Gathered> {
     let geometries = match content {
         Content::Kept(_) => return None,
@@ -90,7 +90,7 @@ fn gather_geometry(sources: &Sources, store: &Store, geometry: &GroupGeometry) -
     (primitive, position_error)
 }
 
-/// Appends a triangle to the runs, joined to the last run where it follows on.
+/// Appends a triangle to the runs; extends the last run if it is contiguous.
 fn extend_runs(runs: &mut Vec<[u32; 3]>, part: u32, kept: Option<&Vec<u32>>, triangle: usize) {
     let triangle = kept.map_or(triangle as u32, |k| k[triangle]);
     match runs.last_mut() {
@@ -116,13 +116,13 @@ fn indices(corners: &[u32], vertices: usize) -> NewAccessor {
 /// How positions, normals and tangents change.
 struct Transform {
     linear: DMat3,
-    /// Cofactors of the linear part: they take normals along, also where the inverse would overflow.
+    /// Cofactors of the linear part: they transform normals, even if the inverse would overflow.
     normals: DMat3,
     mirrored: bool,
 }
 
 impl Transform {
-    /// How those of a part change; `None` if they stay as they are.
+    /// Returns the transform of a part; `None` if nothing changes.
     fn of(part: &Part) -> Option<Transform> {
         let m = part.group_from_mesh?.matrix3;
         let side = if part.mirrored { -1.0 } else { 1.0 };
@@ -135,10 +135,10 @@ impl Transform {
     }
 }
 
-/// The attributes of a new primitive's vertices.
+/// The vertex attributes of a new primitive.
 struct Attributes<'a> {
     vertices: &'a Vertices<'a>,
-    /// Parallel to the parts: how their directions change.
+    /// Transforms of directions, parallel to the parts.
     transforms: Vec<Option<Transform>>,
     /// Parallel to the parts: their attributes.
     by_part: Vec<&'a [Attribute<'a>]>,
@@ -157,7 +157,7 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// All attributes, and the position error.
+    /// Returns all attributes, and the position error.
     fn all(&self) -> (Vec<(String, NewAccessor)>, f64) {
         let mut position_error = 0.0;
         let gathered = self.by_part[0]
@@ -178,7 +178,8 @@ impl<'a> Attributes<'a> {
         (gathered, position_error)
     }
 
-    /// Whether an attribute can be copied byte for byte: stored alike in all parts, none of them moved.
+    /// Whether an attribute can be copied byte for byte: stored in the same format in all parts, none of which is
+    /// transformed.
     fn can_copy(&self, same: &[&Attribute]) -> bool {
         self.transforms.iter().all(Option::is_none) && same.iter().all(|a| a.element == same[0].element)
     }
@@ -193,7 +194,7 @@ impl<'a> Attributes<'a> {
         NewAccessor { data, element, target: Target::Vertices, bounds }
     }
 
-    /// Positions in the group's frame, as the store has them.
+    /// Returns positions in the group's frame, as given by the store.
     fn positions(&self, same: &[&Attribute], error: &mut f64) -> NewAccessor {
         if self.can_copy(same) {
             return self.copied(same);
@@ -207,7 +208,8 @@ impl<'a> Attributes<'a> {
         NewAccessor { data, element: FLOAT3, target: Target::Vertices, bounds: true }
     }
 
-    /// Normals or tangents (whose fourth component is their side), turned with their parts and of unit length.
+    /// Returns normals or tangents (whose fourth component is their handedness), transformed with their parts and
+    /// normalised.
     fn directions(&self, same: &[&Attribute], turn: impl Fn(&Transform, DVec3) -> DVec3, sided: bool) -> NewAccessor {
         if self.can_copy(same) {
             return self.copied(same);
@@ -231,7 +233,7 @@ impl<'a> Attributes<'a> {
 const FLOAT3: Element = Element { component: Component::F32, components: 3, normalized: false };
 const FLOAT4: Element = Element { component: Component::F32, components: 4, normalized: false };
 
-/// The attribute of that name, most likely at the same place as in the first part.
+/// Finds an attribute by name, most likely at the same index as in the first part.
 fn find<'a, 'b>(list: &'b [Attribute<'a>], likely: usize, name: &str) -> &'b Attribute<'a> {
     list.get(likely)
         .filter(|a| a.name == name)
@@ -239,7 +241,7 @@ fn find<'a, 'b>(list: &'b [Attribute<'a>], likely: usize, name: &str) -> &'b Att
         .expect("primitives of one merge class have the same attributes")
 }
 
-/// The unit vector of a direction, whatever its length; `None` for zero and for what is not finite.
+/// Returns the unit vector of a direction of any length; `None` for zero and non-finite directions.
 fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     (largest > 0.0 && v.is_finite()).then(|| (v / largest).normalize())

@@ -1,12 +1,12 @@
-//! `--instancing extension`: instances of one mesh that a single node places, by `EXT_mesh_gpu_instancing`.
+//! `--instancing extension`: several instances of one mesh placed by a single node with `EXT_mesh_gpu_instancing`.
 //!
-//! The extension gives a node a list of copies, each a translation, a rotation and a scale in single precision. What a copy
-//! cannot say stays with the node it stands for: that node is emptied, and keeps its name, extras, children and place.
-//! The new node says of every copy which node it stands for (`source.nodes`).
+//! The extension gives a node a list of copies, each with a translation, a rotation and a scale in single precision.
+//! Everything else stays with the node that a copy represents: that node is emptied, and keeps its name, extras,
+//! children and place. The new node records which node each copy represents (`source.nodes`).
 //!
-//! Not taken: instances that are pinned, those of nodes that have the extension already (whose copies may carry
-//! attributes of their own, such as `_ID`), those of nodes with no room to record where their mesh went, and those whose
-//! transform three such numbers do not hold within the position error allowed: all that shear.
+//! Excluded are pinned instances, those of nodes that already use the extension (whose copies may have attributes of
+//! their own, such as `_ID`), those of nodes without room to record where their mesh went, and those whose transform
+//! cannot be represented this way within the position error allowed, such as shears.
 
 use std::collections::BTreeMap;
 
@@ -28,34 +28,34 @@ pub enum Instancing {
     /// Each as a node.
     #[default]
     Nodes,
-    /// As copies of one node, where its corners then move by no more than this share of the scene's diagonal.
+    /// As copies of one node, if its corners then move by at most this share of the scene's diagonal.
     Extension {
-        /// The largest distance between a corner and where the copy has it, over the scene's diagonal.
+        /// Maximum distance between a corner and its position in the copy, relative to the scene's diagonal.
         max_position_error_ratio: f64,
     },
 }
 
-/// What became copies of a node.
+/// Statistics on copies of nodes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Copied {
-    /// Nodes that place a mesh for many.
+    /// Number of nodes that place a mesh several times.
     pub nodes: usize,
-    /// Instances that they place.
+    /// Number of instances that they place.
     pub copies: usize,
-    /// Instances of the same meshes that stay nodes, since a translation, a rotation and a scale in single precision do
-    /// not hold their transforms within the position error allowed.
+    /// Number of instances of the same meshes that stay nodes, because a translation, a rotation and a scale in single
+    /// precision do not represent their transforms within the position error allowed.
     pub stay: usize,
 }
 
 /// Instances of one group that become copies of one node.
 pub(super) struct Batch {
     pub(super) group: u32,
-    /// Indices into the layout's placements, ascending.
+    /// Indices into the layout's placements, in ascending order.
     placements: Vec<usize>,
     copies: Vec<Copy>,
-    /// Where the node stands.
+    /// Position of the node.
     center: DVec3,
-    /// Bound on how far a corner moves.
+    /// Upper bound on the movement of a corner.
     error: f64,
 }
 
@@ -64,22 +64,22 @@ struct Copy {
     translation: [f32; 3],
     rotation: [f32; 4],
     scale: [f32; 3],
-    /// Bound on how far a corner of the mesh is from where the instance has it.
+    /// Upper bound on the distance between a corner of the mesh and its position in the instance.
     error: f64,
 }
 
-/// All batches of a layout, in the order of the first instance of each.
+/// All batches of a layout, in the order of their first instances.
 #[derive(Default)]
 pub(super) struct Batches {
     pub(super) list: Vec<Batch>,
     pub(super) copied: Copied,
-    /// Bound on how far any corner moves.
+    /// Upper bound on the movement of any corner.
     pub(super) error: f64,
 }
 
 impl Batches {
-    /// Finds what can be written as copies of a node. `errors` are those with which the groups are stored, in their own
-    /// units.
+    /// Finds instances that can be written as copies of a node. `errors` holds the position errors of the stored
+    /// groups, in their own units.
     pub(super) fn of(
         document: &Document,
         scene: &Scene,
@@ -111,7 +111,7 @@ impl Batches {
         batches
     }
 
-    /// Adds the nodes to the document; for each placement of the layout the node that has it as a copy.
+    /// Adds the nodes to the document; returns, for each placement of the layout, the node that has it as a copy.
     pub(super) fn write(
         &self,
         document: &mut Document,
@@ -130,11 +130,11 @@ impl Batches {
     }
 }
 
-/// A group, and the order of triangles in which its copies are.
+/// A group, and the triangle order of its copies.
 type Alike<'a> = (u32, Option<&'a [[u32; 2]]>);
 
-/// Groups with the placements that may become copies of one node, two of each at least. Copies whose triangles
-/// are in another order than their model's are apart from others: one record of an order serves a node.
+/// Returns groups with at least two placements that may become copies of one node. Copies whose triangles are in a
+/// different order than their model's are grouped separately, because a node has only one record of an order.
 fn candidates(document: &Document, scene: &Scene, layout: &Layout) -> Vec<(u32, Vec<usize>)> {
     let mut lists: BTreeMap<Alike, Vec<usize>> = BTreeMap::new();
     for (at, placement) in layout.placements.iter().enumerate() {
@@ -153,7 +153,7 @@ fn may_move(document: &Document, scene: &Scene, instance: InstanceId) -> bool {
     instance.pinned.is_none() && !scene.is_copied(instance.node) && document.has_room_for_record(instance.node as usize)
 }
 
-/// Whether a mesh that is kept has points or lines, whose error is not known.
+/// Whether a kept mesh has points or lines, whose error is not known.
 fn has_more(document: &Document, scene: &Scene, content: &Content) -> bool {
     let Content::Kept(mesh) = content else { return false };
     let mesh = &scene.meshes[mesh.0 as usize];
@@ -161,7 +161,8 @@ fn has_more(document: &Document, scene: &Scene, content: &Content) -> bool {
 }
 
 impl Batch {
-    /// The batch of those placements that copies hold within the error; `None` where these are fewer than two.
+    /// Creates the batch of those placements that copies represent within the error; `None` if there are fewer than
+    /// two.
     fn of(
         scene: &Scene,
         layout: &Layout,
@@ -177,7 +178,7 @@ impl Batch {
         let count = |copies: &[Option<Copy>]| copies.iter().flatten().count();
         let (mut center, mut copies) = (DVec3::ZERO, copies_around(DVec3::ZERO));
         if count(&copies) < placements.len() {
-            // Far from the origin single precision is coarse.
+            // Single precision is coarse far from the origin.
             let around = Bounds::of(placements.iter().map(|&at| layout.placements[at].transform.translation));
             let centred = copies_around(around.stored_center());
             if count(&centred) > count(&copies) {
@@ -219,7 +220,7 @@ impl Batch {
         node
     }
 
-    /// What the copies stand for.
+    /// Returns what the copies represent.
     fn source(
         &self,
         document: &mut Document,
@@ -246,21 +247,21 @@ const NO_ROTATION: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 const NO_SCALE: [f32; 3] = [1.0; 3];
 
 impl Copy {
-    /// The translation, rotation and scale closest to a placement's transform, as seen from a node at `center`; `None`
-    /// where there is none or single precision does not hold it.
+    /// Returns the translation, rotation and scale closest to a placement's transform, relative to a node at `center`;
+    /// `None` if there are none or single precision overflows.
     fn of(placement: &Placement, bounds: &Bounds, center: DVec3, stored_error: f64) -> Option<Copy> {
         let (exact, middle) = (placement.transform, bounds.center());
         let (scale, rotation, _) = exact.to_scale_rotation_translation();
         let (scale, rotation) = (scale.as_vec3(), (if rotation.w < 0.0 { -rotation } else { rotation }).as_quat());
         let turned =
             DAffine3::from_scale_rotation_translation(scale.as_dvec3(), rotation.as_dquat().normalize(), DVec3::ZERO);
-        // The middle of the mesh stays where it is, whatever rounding does to the axes.
+        // The middle of the mesh stays in place, whatever rounding does to the axes.
         let shift = exact.transform_point3(middle) - turned.transform_point3(middle) - center;
         let translation = shift.as_vec3();
         let stored = DAffine3 { translation: translation.as_dvec3() + center, ..turned };
-        // The distance between two affine images of a point is convex: over a box it is largest in a corner.
+        // The distance between two affine images of a point is convex, so over a box it is largest at a corner.
         let moved = |corner: DVec3| exact.transform_point3(corner).distance(stored.transform_point3(corner));
-        // NaN, of what overflows, counts as the most.
+        // NaN, caused by overflow, counts as the largest.
         let error = corners(bounds).map(moved).into_iter().fold(0.0, |most: f64, e| if e <= most { most } else { e })
             + stored_error * stretch(placement);
         let copy =
@@ -273,17 +274,17 @@ fn corners(of: &Bounds) -> [DVec3; 8] {
     std::array::from_fn(|i| DVec3::select(glam::BVec3::new(i & 1 == 0, i & 2 == 0, i & 4 == 0), of.min, of.max))
 }
 
-/// Accessors of copies' attributes: lists that are equal are stored once, as those of all pieces of an opened mesh are.
+/// Accessors of copies' attributes: equal lists are stored once, such as those of all pieces of an opened mesh.
 #[derive(Default)]
 struct Accessors(BTreeMap<(Element, Vec<u8>), usize>);
 
 impl Accessors {
-    /// An accessor of vectors of floats.
+    /// Returns an accessor of vectors of floats.
     fn floats(&mut self, document: &mut Document, components: usize, data: Vec<u8>) -> usize {
         self.of(document, Element { component: Component::F32, components, normalized: false }, data)
     }
 
-    /// An accessor of numbers.
+    /// Returns an accessor of numbers.
     fn numbers(&mut self, document: &mut Document, numbers: &[u32]) -> usize {
         let element = Element { component: Component::U32, components: 1, normalized: false };
         self.of(document, element, bytemuck::cast_slice(numbers).to_vec())

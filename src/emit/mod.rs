@@ -1,17 +1,17 @@
-//! From a layout to a document: groups become meshes, geometries primitives, placements nodes.
+//! Writes a layout to a document: groups become meshes, geometries primitives, placements nodes.
 //!
-//! What a layout leaves as it is stays as it is in the document. Every node keeps its name, its place in the
-//! hierarchy and its index; emptied nodes and rewritten primitives carry `extras.raykiln`:
+//! What a layout leaves unchanged stays unchanged in the document. Each node keeps its name, its place in the hierarchy
+//! and its index; emptied nodes and rewritten primitives have `extras.raykiln`:
 //!
 //! | where | key | meaning |
 //! | --- | --- | --- |
-//! | emptied node | `moved_to` | nodes that show its triangles now |
+//! | emptied node | `moved_to` | nodes that now show its triangles |
 //! | emptied node | `mesh` | name and extras of the mesh it placed |
-//! | new child node, renumbered node | `source.node` | the input's node it stands for |
-//! | node that places a copy | `source.node`, `source.mesh` | the input's node and mesh it stands for |
+//! | new child node, renumbered node | `source.node` | the input node it represents |
+//! | node with a copy | `source.node`, `source.mesh` | the input node and mesh it represents |
 //! | node with many copies | `source.nodes`, `source.meshes` | the same for each copy |
-//! | node that places a copy | `source.runs` | see [`TriangleOrder`](crate::scene::TriangleOrder); absent where both are in the same order |
-//! | primitive left as it is | `source` | mesh and primitive of the input |
+//! | node with a copy | `source.runs` | see [`TriangleOrder`](crate::scene::TriangleOrder); absent if same order |
+//! | unchanged primitive | `source` | mesh and primitive of the input |
 //! | rewritten primitive | `provenance` | see [`Provenance`](raykiln_formats::contents::Provenance) |
 
 mod gather;
@@ -35,18 +35,18 @@ use crate::scene::Scene;
 use gather::{Gathered, Sources};
 use instancing::Batches;
 
-/// A document made from a layout.
+/// A document written from a layout.
 #[derive(Clone, Debug)]
 pub struct Emitted {
     /// The new document.
     pub document: Document,
-    /// No stored position is farther than this from the exact one, in world units.
+    /// Upper bound on the distance between a stored position and the exact one, in world units.
     pub position_error: f64,
-    /// What became copies of one node.
+    /// Statistics on instances that became copies of one node.
     pub copied: Copied,
-    /// Nodes that `--prune` dropped.
+    /// Number of nodes dropped by `--prune`.
     pub pruned_nodes: usize,
-    /// What could not be done.
+    /// Notes on what could not be done.
     pub notes: Vec<Note>,
 }
 
@@ -59,26 +59,27 @@ pub enum Note {
     MayReferToData(String),
 }
 
-/// Whether a layout leaves every mesh and instance of its scene as it is.
+/// Whether a layout leaves each mesh and instance of its scene unchanged.
 pub fn is_unchanged(layout: &Layout) -> bool {
     layout.groups.iter().all(|g| g.content.is_kept())
 }
 
-/// Whether a layout shows the document exactly as it is: unchanged, and no mesh of the scene stands in for another.
+/// Whether a layout shows the document unchanged: the layout is unchanged, and no mesh of the scene stands in for
+/// another.
 pub fn is_input(scene: &Scene, layout: &Layout) -> bool {
     is_unchanged(layout) && scene.stand_ins.iter().all(Option::is_none)
 }
 
-/// How documents are made.
+/// Options for writing documents.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
-    /// Drop empty nodes nobody refers to.
+    /// Drop empty nodes that nothing refers to.
     pub prune: bool,
     /// How several instances of a mesh are written.
     pub instancing: Instancing,
 }
 
-/// Makes the document that shows `layout`, from the document the scene was loaded from.
+/// Writes the document that shows `layout`, based on the document that the scene was loaded from.
 pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -> Emitted {
     let sources = Sources::new(doc, scene);
     let gathered: Vec<Option<Gathered>> =
@@ -112,8 +113,8 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -
     Emitted { document, position_error, copied: batches.copied, pruned_nodes, notes }
 }
 
-/// Records on every primitive of the scene that it is the input's primitive. Those that a layout rewrites vanish
-/// with their mesh; the others keep the record when meshes are renumbered.
+/// Records on each primitive of the scene that it is the input's primitive. The records of primitives that a layout
+/// rewrites vanish with their mesh; the others keep theirs when meshes are renumbered.
 fn mark_untouched(document: &mut Document, scene: &Scene) {
     for mesh in &scene.meshes {
         for geometry in &mesh.geometries {
@@ -122,7 +123,7 @@ fn mark_untouched(document: &mut Document, scene: &Scene) {
     }
 }
 
-/// Drops empty nodes; returns how many went, and notes why if none could.
+/// Drops empty nodes; returns how many were dropped, and adds a note if none could be.
 fn prune(document: &mut Document, scene: &Scene, notes: &mut Vec<Note>) -> usize {
     document.drop_empty_nodes(scene.nodes).unwrap_or_else(|cause| {
         notes.push(Note::NothingPruned(cause));

@@ -1,4 +1,4 @@
-//! Placements become nodes; nodes that lose their triangles say where they went.
+//! Turns placements into nodes; nodes that lose their triangles record where they went.
 
 use std::collections::BTreeMap;
 
@@ -10,37 +10,37 @@ use super::instancing::Batches;
 use crate::layout::{Content, Layout};
 use crate::scene::{InstanceId, Scene, StandIn, TriangleOrder};
 
-/// What becomes of a node of the input whose mesh does not stay.
+/// Changes to an input node whose mesh does not stay.
 #[derive(Default)]
 struct Change<'a> {
-    /// The mesh of the document that it placed.
+    /// The document mesh that it placed.
     mesh: u32,
     /// Groups that hold its mesh in pieces, or a mesh that stands in for it, whole or in pieces.
     pieces: Vec<u32>,
-    /// How the mesh that stands in for its mesh does so.
+    /// The stand-in for its mesh.
     stand_in: Option<&'a StandIn>,
-    /// New nodes with triangles of its instances.
+    /// New nodes that hold triangles of its instances.
     moved_to: Vec<usize>,
 }
 
-/// What all nodes that placed one mesh share.
+/// Data shared by all nodes that placed one mesh.
 #[derive(Default)]
 pub(super) struct Shared {
-    /// By mesh of the document: the mesh of its points and lines, if it has any.
+    /// By document mesh, the mesh of its points and lines, if it has any.
     remainders: BTreeMap<u32, Option<usize>>,
-    /// By mesh of the document: the accessor that tells which of its triangles those of its stand-in are.
+    /// By document mesh, the accessor that maps triangles of its stand-in to its own.
     orders: BTreeMap<u32, usize>,
 }
 
 impl Shared {
-    /// The accessor that tells which triangles of a mesh of the document those of its stand-in are.
+    /// Returns the accessor that maps triangles of a document mesh's stand-in to its own.
     pub(super) fn order(&mut self, document: &mut Document, mesh: u32, order: &TriangleOrder) -> usize {
         *self.orders.entry(mesh).or_insert_with(|| document.add_scalars(order.runs().as_flattened()))
     }
 }
 
-/// Makes the nodes of `document` place `meshes`, one for each group of the layout; those of `batches` as copies of one
-/// node.
+/// Makes the nodes of `document` place `meshes`, one per group of the layout; placements in `batches` become copies of
+/// one node.
 pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, meshes: &[usize], batches: &Batches) {
     let mut changes: BTreeMap<u32, Change> = BTreeMap::new();
     let mut shared = Shared::default();
@@ -57,7 +57,7 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
             (Content::Kept(_) | Content::Piece { .. }, Some(instance)) => {
                 let change = change_of(scene, instance, &mut changes);
                 change.stand_in = stand_in;
-                // Copies of one node share its pieces.
+                // Copies by one node share its pieces.
                 if !change.pieces.contains(&placement.group) {
                     change.pieces.push(placement.group);
                 }
@@ -74,7 +74,7 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
     }
 }
 
-/// What becomes of the node of an instance.
+/// Returns the change of the node of an instance.
 fn change_of<'a, 'c>(
     scene: &Scene,
     instance: InstanceId,
@@ -84,7 +84,7 @@ fn change_of<'a, 'c>(
     changes.entry(node).or_insert_with(|| Change { mesh: scene.document_mesh(instance), ..Change::default() })
 }
 
-/// Records for every node with triangles in a baked group that `node` shows them now.
+/// Records for each node with triangles in a baked group that `node` now shows them.
 fn note_moves(scene: &Scene, content: &Content, node: usize, changes: &mut BTreeMap<u32, Change>) {
     let Content::Baked { geometries, .. } = content else { return };
     let mut instances: Vec<u32> = geometries.iter().flat_map(|g| g.triangles.iter().map(|t| t.instance)).collect();
@@ -98,7 +98,7 @@ fn note_moves(scene: &Scene, content: &Content, node: usize, changes: &mut BTree
     }
 }
 
-/// Takes the mesh off a node, hangs its pieces or what stands in for it under it and records what happened.
+/// Removes the mesh of a node, adds its pieces or its stand-in as children, and records the change.
 fn rewrite(
     document: &mut Document,
     layout: &Layout,
@@ -141,14 +141,14 @@ fn rewrite(
     document.set_record(node, &record);
 }
 
-/// What nodes that show the triangles of a node stand for.
+/// Returns what nodes that show the triangles of a node represent.
 fn source(document: &mut Document, node: usize, change: &Change, shared: &mut Shared) -> SourceRecord {
     let Some(stand_in) = change.stand_in else { return SourceRecord::Node { node, mesh: None, runs: None } };
     let runs = stand_in.order.as_ref().map(|order| shared.order(document, change.mesh, order));
     SourceRecord::Node { node, mesh: Some(change.mesh as usize), runs }
 }
 
-/// Whether a node can place what stands in for its mesh itself: nothing moves, and there is room to record it.
+/// Whether a node can itself place the replacement of its mesh: nothing moves, and there is room to record it.
 fn fits_in_place(document: &Document, layout: &Layout, node: usize, change: &Change) -> bool {
     let turns = |&piece: &u32| layout.groups[piece as usize].content.piece_frame() != DAffine3::IDENTITY;
     !change.pieces.iter().any(turns)

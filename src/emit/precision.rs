@@ -1,4 +1,4 @@
-//! Frames that keep the rounding of baked positions within a limit.
+//! Chooses frames that keep the rounding of baked positions within a limit.
 
 use rayon::prelude::*;
 
@@ -7,10 +7,10 @@ use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 
-/// What [`settle`] did.
+/// The result of [`settle`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settled {
-    /// Groups whose positions are now stored relative to their centre.
+    /// Number of groups whose positions are now stored relative to their centre.
     pub centred: usize,
     /// The largest distance between a corner and its stored position, in world units.
     pub error: f64,
@@ -18,7 +18,7 @@ pub struct Settled {
     pub refused: Vec<InstanceId>,
 }
 
-/// What must stay as it is where rounding moves a corner too far.
+/// What must stay unchanged if rounding moves a corner too far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refuse {
     /// The instance of that corner.
@@ -27,14 +27,14 @@ pub enum Refuse {
     Groups,
 }
 
-/// Rounding must not move a corner farther than this share of the diagonal of its own instance: in a wide scene the limit
-/// for the scene is larger than small objects are.
+/// Rounding must not move a corner farther than this share of the diagonal of its own instance: in a large scene, the
+/// limit for the scene exceeds the size of small objects.
 const OF_OWN_SIZE: f64 = 1e-4;
 
-/// Stores each baked group relative to its centre where rounding world positions to single precision would move a
-/// vertex farther than `max_error_ratio` of the scene's diagonal, or of the group's own, or than a ten-thousandth of its
-/// instance's own: a small object far from the origin keeps its shape. Names the instances, also those opened into pieces
-/// that are stored in frames, that would still exceed the ratio of the scene's diagonal, or a ten-thousandth of their own.
+/// Stores each baked group relative to its centre if rounding world positions to single precision would move a vertex
+/// farther than `max_error_ratio` of the diagonal of the scene or of the group, or than a ten-thousandth of that of its
+/// instance: a small object far from the origin keeps its shape. Returns the instances, including those opened into
+/// pieces stored in frames, that would still exceed the ratio of the scene's diagonal or a ten-thousandth of their own.
 pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: Refuse) -> Settled {
     let boxes = scene.instance_boxes();
     let limit = max_error_ratio * scene.bounds().diagonal();
@@ -68,8 +68,8 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: 
     settled
 }
 
-/// Stores a baked group relative to its centre if rounding moves a vertex too far otherwise; gives whether it does, and
-/// what rounding comes to then.
+/// Stores a baked group relative to its centre if rounding would otherwise move a vertex too far; returns whether it
+/// does, and the resulting rounding errors.
 fn settle_group(scene: &Scene, content: &mut Content, limits: &[f64], max_error_ratio: f64) -> (bool, Rounded) {
     let at_origin = rounded(scene, content, limits);
     let Content::Baked { frame, geometries } = content else { return (false, at_origin) };
@@ -85,17 +85,18 @@ fn settle_group(scene: &Scene, content: &mut Content, limits: &[f64], max_error_
     (true, rounded(scene, content, limits))
 }
 
-/// How far a corner of an instance within a box may move; any distance where the box is a point and has no shape to keep.
+/// Returns how far a corner of an instance with this box may move; infinite if the box is a point, which has no shape
+/// to keep.
 fn own_limit(own: &Bounds) -> f64 {
     if own.diagonal() > 0.0 { OF_OWN_SIZE * own.diagonal() } else { f64::INFINITY }
 }
 
-/// What rounding does to the triangles of a group.
+/// Rounding errors of the triangles of a group.
 #[derive(Default)]
 struct Rounded {
-    /// The largest distance, in world units, between a corner and its stored position.
+    /// The largest distance between a corner and its stored position, in world units.
     error: f64,
-    /// Instances with a corner beyond their limit, some of them repeatedly.
+    /// Instances with a corner beyond their limit, possibly with duplicates.
     refused: Vec<InstanceId>,
 }
 
@@ -115,7 +116,7 @@ impl Rounded {
     }
 }
 
-/// What storing a baked group comes to; `limits` are those of the scene's instances, in world units.
+/// Returns the rounding errors of storing a baked group; `limits` are those of the scene's instances, in world units.
 fn rounded(scene: &Scene, content: &Content, limits: &[f64]) -> Rounded {
     let Content::Baked { geometries, .. } = content else { return Rounded::default() };
     let store = Store::new(scene, content);
@@ -127,8 +128,8 @@ fn rounded(scene: &Scene, content: &Content, limits: &[f64]) -> Rounded {
     triangles.fold(Rounded::default, of_triangle).reduce(Rounded::default, Rounded::and)
 }
 
-/// For every group the largest distance between a corner and its position stored in the frame of a piece, in units of
-/// the group; 0 for what is no piece.
+/// Returns, for each group, the largest distance between a corner and its position stored in the frame of a piece, in
+/// units of the group; 0 for groups that are not pieces.
 fn piece_errors(scene: &Scene, layout: &Layout) -> Vec<f64> {
     let of_group = |group: &Group| {
         let store = Store::new(scene, &group.content);
@@ -140,14 +141,14 @@ fn piece_errors(scene: &Scene, layout: &Layout) -> Vec<f64> {
     layout.groups.par_iter().map(of_group).collect()
 }
 
-/// By how much a placement lengthens what is in its group, at most: the root of the sum of squares of the coefficients
-/// bounds the largest stretch.
+/// Returns an upper bound on the factor by which a placement lengthens vectors of its group: the square root of the sum
+/// of the squared coefficients.
 pub(super) fn stretch(placement: &Placement) -> f64 {
     let m = placement.transform.matrix3;
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
 }
 
-/// World box of a group's triangles.
+/// Returns the world box of a group's triangles.
 fn bounds(scene: &Scene, geometries: &[GroupGeometry]) -> Bounds {
     geometries
         .par_iter()

@@ -1,4 +1,4 @@
-//! Layouts written by hand, made into documents and read back.
+//! Tests with hand-written layouts, written to documents and read back.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -11,7 +11,8 @@ use super::*;
 use crate::layout::{Group, GroupGeometry, Placement};
 use crate::scene::{self, InstanceId, LoadOptions, MeshId, Opacity, TriangleRef};
 
-/// Interleaves nothing: one buffer holds positions, normals, tangents (4 vertices each) and two triangles.
+/// A document with one buffer that holds positions, normals and tangents (4 vertices each) and two triangles, not
+/// interleaved.
 pub(super) fn document(nodes: Value, mesh: Value) -> Document {
     let positions: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.5]];
     let normals = [[0.0_f32, 0.0, 1.0]; 4];
@@ -57,7 +58,7 @@ pub(super) fn load(doc: &Document) -> Scene {
     scene
 }
 
-/// Material and world corners of every placed triangle, in an order of their own.
+/// Returns the material and world corners of each placed triangle, sorted.
 pub(super) fn shown(scene: &Scene) -> Vec<(Option<u32>, [DVec3; 3])> {
     let mut all = Vec::new();
     for (i, instance) in scene.instances.iter().enumerate() {
@@ -84,7 +85,7 @@ fn geometry(scene: &Scene, triangles: &[(u32, u32)]) -> GroupGeometry {
     }
 }
 
-/// All triangles of all instances in one baked group.
+/// Bakes all triangles of all instances into one group.
 fn baked(scene: &Scene) -> Layout {
     let all: Vec<(u32, u32)> = (0..scene.instances.len() as u32)
         .flat_map(|i| (0..scene.mesh_of(InstanceId(i)).triangle_count() as u32).map(move |t| (i, t)))
@@ -224,7 +225,7 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
     assert_eq!(after.instances[3].source_node, 1);
 }
 
-/// The first triangle of the mesh in one piece and the second in another, for all instances.
+/// Puts the first triangle of the mesh in one piece and the second in another, for all instances.
 pub(super) fn opened(scene: &Scene) -> Layout {
     let piece = |triangle: u32| Group {
         name: format!("quad.{triangle}"),

@@ -1,4 +1,4 @@
-//! Instances written as copies of one node, and read back.
+//! Instances written as copies of one node and read back.
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde_json::{Value, json};
@@ -20,7 +20,7 @@ fn quads(nodes: Value) -> Document {
     document(nodes, json!({"name": "quad", "primitives": [surface(1)], "extras": {"owner": "me"}}))
 }
 
-/// As the layout has it, and as copies of nodes: the document, and the scene read back from it.
+/// Writes a layout as copies of nodes; returns the document, and the scene read back from it.
 fn copied(doc: &Document, layout: impl Fn(&Scene) -> Layout) -> (Emitted, Scene) {
     let scene = load(doc);
     let emitted = emit(doc, &scene, &layout(&scene), &as_copies());
@@ -44,7 +44,7 @@ fn kept(scene: &Scene) -> Layout {
     run(Method::Keep, scene, &Default::default())
 }
 
-/// The attributes of the copies of a node.
+/// Returns the attributes of the copies of a node.
 fn attributes(document: &Document, node: usize) -> &Value {
     &document.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]
 }
@@ -209,7 +209,7 @@ fn twenty_thousand_instances_are_one_node() {
     assert!(after.instances.iter().all(|i| i.mirrored() && i.node == 20_000));
 }
 
-/// The mesh of all instances as one piece in a turned frame.
+/// Puts the mesh of all instances in one piece with a rotated frame.
 fn turned(scene: &Scene) -> Layout {
     let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.3, 0.4, 0.5).to_cols_array().map(|c| f64::from(c as f32));
     let frame = DAffine3 { matrix3: DMat3::from_cols_array(&turn), translation: DVec3::new(0.5, 0.25, 0.0) };
