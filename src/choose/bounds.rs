@@ -42,7 +42,8 @@ impl Bounds {
         let refusal = |c: &Candidate| {
             let triangles = (c.largest_group > most_triangles).then(|| self.excess_of_triangles(c.largest_group));
             let extent = (c.longest_group > longest).then(|| self.excess_of_extent(c.longest_group));
-            let bytes = (!c.is_input() && self.are_too_many(c.as_bytes)).then(|| self.excess_of_bytes(c.as_bytes));
+            let bytes = (!c.is_input() && self.are_too_many(c.predicted.as_bytes))
+                .then(|| self.excess_of_bytes(c.predicted.as_bytes));
             let all: Vec<Excess> = [bytes, triangles, extent].into_iter().flatten().collect();
             Some(all).filter(|all| !all.is_empty())
         };

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-use super::model::Ranking;
+use super::model::{Predicted, Ranking, RayCost};
 use super::outcome::{CandidateResult, Outcome};
 use super::passes::{Pass, PassId, Reason};
 use super::plans::Plan;
@@ -13,18 +13,15 @@ use crate::emit::{self, Refuse};
 use crate::layout::{self, Content, Layout, PlacedTrees, as_built};
 use crate::methods::{self, Cache};
 use crate::scene::{Bounds, Overlay, Pinned, Scene};
-use crate::verify::RaceResult;
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
+use crate::verify::{PerKind, RaceResult};
 
 /// A candidate and what is known of it.
-pub(super) struct Candidate {
-    pub(super) plan: Plan,
-    pub(super) laid: Laid,
-    pub(super) predicted_cost: f64,
-    /// Predicted picoseconds a ray.
-    pub(super) sampled_cost: f64,
-    pub(super) as_bytes: u64,
+pub(crate) struct Candidate {
+    pub(crate) plan: Plan,
+    pub(crate) laid: Laid,
+    pub(crate) predicted: Predicted,
     /// Triangles of the largest group that could be divided: meshes of several instances, or of one that is pinned, cannot.
     pub(super) largest_group: usize,
     /// Longest side of the world box of such a group, in world units; 0 where the user sets no bound on it.
@@ -54,8 +51,14 @@ pub(crate) struct Laid {
     pub(super) held_back: usize,
 }
 
+/// Gives the scene of each layout, by its index, as it would be written: the order of triangles matters to some drivers.
+pub(crate) fn written<'a>(scene: &'a Scene, layouts: Vec<&'a Laid>) -> impl Fn(usize) -> Scene + Sync + 'a {
+    let last = Mutex::default();
+    move |i| layouts[i].written_after(scene, &last)
+}
+
 /// The scene of a layout before its axes are turned.
-pub(super) struct StoredUnturned {
+struct StoredUnturned {
     of: Arc<Layout>,
     scene: Scene,
     /// For each mesh whether it is new.
@@ -72,14 +75,8 @@ impl StoredUnturned {
 }
 
 impl Laid {
-    /// The scene as it would be written: the order of triangles matters to some drivers.
-    #[cfg(feature = "lab")]
-    pub(crate) fn written(&self, scene: &Scene) -> Scene {
-        self.written_after(scene, &Mutex::default())
-    }
-
-    /// The scene as it would be written, made of the last one where that differs by its axes alone.
-    pub(super) fn written_after(&self, scene: &Scene, last: &Mutex<Option<StoredUnturned>>) -> Scene {
+    /// The scene as it would be written, made of the last one if that differs by its axes alone.
+    fn written_after(&self, scene: &Scene, last: &Mutex<Option<StoredUnturned>>) -> Scene {
         let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
         let known = last.take().filter(|known| Arc::ptr_eq(&known.of, &self.layout));
         let straight = known.unwrap_or_else(|| StoredUnturned::new(scene, &self.layout));
@@ -89,7 +86,7 @@ impl Laid {
     }
 
     /// Whether two layouts come to the same document but for names.
-    pub(crate) fn is_same(&self, other: &Laid) -> bool {
+    pub(super) fn is_same(&self, other: &Laid) -> bool {
         let (a, b) = (&self.layout, &other.layout);
         self.axes == other.axes
             && a.placements == b.placements
@@ -106,35 +103,34 @@ pub(super) struct Known<'a> {
     pub(super) placed: &'a PlacedTrees,
     /// Two-level cost as it is, and as it is built.
     pub(super) cost: f64,
-    /// Predicted picoseconds a ray as it is, with one BLAS a mesh.
-    pub(super) picoseconds: f64,
+    /// What rays meet in it as it is, with one BLAS per mesh.
+    pub(super) kinds: PerKind<RayCost>,
 }
 
 impl Candidate {
     /// Predicts what a layout costs as it is built.
     pub(super) fn new(scene: &Scene, known: &Known, plan: Plan, laid: Laid, ranking: &Ranking) -> Candidate {
         let built = as_built(scene, &laid.layout, ranking.blas_per);
-        let (predicted_cost, sampled_cost) = match (&built, emit::is_unchanged(&laid.layout)) {
-            (Cow::Borrowed(_), true) => (known.cost, known.picoseconds),
+        let (two_level_cost, kinds) = match (&built, emit::is_unchanged(&laid.layout)) {
+            (Cow::Borrowed(_), true) => (known.cost, known.kinds),
             (built, unchanged) => {
                 let of_groups = known.trees.of_layout(scene, built, known.placed);
                 let stored = layout::stored(scene, built).translated(-ranking.vantage);
                 let trees = TwoLevel::build_to_count(&stored, &of_groups);
                 drop(stored);
                 let cost = if unchanged { known.cost } else { trees.cost(scene.bounds().area()) };
-                (cost, ranking.picoseconds(&trees))
+                (cost, ranking.costs(&trees))
             }
         };
-        let as_bytes = built.as_bytes(scene);
+        let picoseconds = ranking.weights.mean(&kinds.map(|kind| kind.picoseconds));
+        let predicted = Predicted { two_level_cost, as_bytes: built.as_bytes(scene), kinds, picoseconds };
         let largest_group = largest_group(scene, &built);
         let longest_group =
             if plan.options.cluster.max_group_extent_ratio.is_some() { longest_group(scene, &built) } else { 0.0 };
         Candidate {
             plan,
             laid,
-            predicted_cost,
-            sampled_cost,
-            as_bytes,
+            predicted,
             largest_group,
             longest_group,
             lap: None,
@@ -158,11 +154,11 @@ impl Candidate {
     pub(super) fn result(&self, weights: &Weights, outcome: Outcome) -> CandidateResult {
         CandidateResult {
             plan: self.plan.id,
-            predicted_cost: self.predicted_cost,
-            sampled_cost: self.sampled_cost,
+            predicted_cost: self.predicted.two_level_cost,
+            sampled_cost: self.predicted.picoseconds,
             measured: self.speed(weights),
             outcome,
-            as_bytes: self.as_bytes,
+            as_bytes: self.predicted.as_bytes,
             position_error_ratio: self.laid.position_error_ratio,
             seconds: self.seconds,
             brief: self.brief.is_some() && self.lap.is_none(),
@@ -208,7 +204,7 @@ fn longest_group(scene: &Scene, layout: &Layout) -> f64 {
 const MOST_ROUNDS: usize = 4;
 
 /// Runs a plan and keeps its rounding within the limit.
-pub(crate) fn lay_out(cache: &mut Cache, scene: &Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
+pub(super) fn lay_out(cache: &mut Cache, scene: &Scene, plan: &Plan, max_error_ratio: f64) -> Laid {
     let start = Instant::now();
     let mut layout = methods::run_with(cache, plan.method, scene, &plan.options);
     let regrouped = !emit::is_unchanged(&layout);

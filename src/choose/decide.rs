@@ -33,7 +33,7 @@ pub(super) struct Decision {
 /// Indices of the candidates to time: the single BLAS and the best others by prediction, in ascending order.
 pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize> {
     let mut order: Vec<usize> = (0..candidates.len()).filter(|&i| !candidates[i].is_input()).collect();
-    let rank = |i: usize| (!candidates[i].plan.is_single(), candidates[i].sampled_cost);
+    let rank = |i: usize| (!candidates[i].plan.is_single(), candidates[i].predicted.picoseconds);
     order.sort_by(|&a, &b| rank(a).0.cmp(&rank(b).0).then(rank(a).1.total_cmp(&rank(b).1)).then(a.cmp(&b)));
     order.truncate(effort.measured().saturating_add(1));
     order.sort_unstable();
@@ -77,7 +77,7 @@ impl Choice<'_> {
     }
 
     fn cost(&self, i: usize) -> f64 {
-        self.candidates[i].sampled_cost
+        self.candidates[i].predicted.picoseconds
     }
 
     fn id(&self, i: usize) -> PlanId {
@@ -112,7 +112,7 @@ impl Choice<'_> {
         let best = allowed.iter().map(|f| f.1).fold(0.0, f64::max);
         let equal = allowed.into_iter().filter(|f| f.1 >= (1.0 - EQUAL) * best);
         let refused = || timed().find(|(i, speed)| !self.is_allowed(*i) && Self::is_faster(speed)).map(|(i, _)| i);
-        match (equal.min_by_key(|f| self.candidates[f.0].as_bytes), refused()) {
+        match (equal.min_by_key(|f| self.candidates[f.0].predicted.as_bytes), refused()) {
             (Some((i, speedup_ratio)), _) if must_change => {
                 (i, Why::MeasuredBestAllowed { speedup_ratio, input: self.excess(0) })
             }
@@ -195,6 +195,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::super::candidate::Laid;
+    use super::super::model::Predicted;
     use super::super::plans::Plan;
     use super::*;
     use crate::layout::BlasPer;
@@ -207,7 +208,7 @@ mod tests {
     fn candidate(
         name: &'static str,
         method: Method,
-        sampled_cost: f64,
+        picoseconds: f64,
         as_bytes: u64,
         largest_group: usize,
     ) -> Candidate {
@@ -225,9 +226,7 @@ mod tests {
         Candidate {
             plan: Plan { id: PlanId::new(method, name), method, options: Options::default() },
             laid,
-            predicted_cost: sampled_cost,
-            sampled_cost,
-            as_bytes,
+            predicted: Predicted { picoseconds, as_bytes, ..Predicted::default() },
             largest_group,
             longest_group: 0.0,
             lap: None,
@@ -308,7 +307,7 @@ mod tests {
     fn outcomes_say_than_what_a_candidate_costs_more() {
         let mut all = three(400);
         all.push(candidate("bvh", Method::Bvh, 65.0, 1000, 10));
-        (all[1].as_bytes, all[2].sampled_cost) = (1000, 140.0);
+        (all[1].predicted.as_bytes, all[2].predicted.picoseconds) = (1000, 140.0);
         let (decision, outcomes) = decided(all, &bounds(1.25, None), false);
         assert_eq!(decision.winner, 1);
         assert_eq!(outcomes[0], "predicted to cost 1.43 times as much as the one chosen");
@@ -319,8 +318,8 @@ mod tests {
     #[test]
     fn what_is_too_close_to_the_input_is_not_said_to_cost_more() {
         let mut all = three(400);
-        (all[1].sampled_cost, all[2].sampled_cost) = (97.0, 120.0);
-        all[1].as_bytes = 1000;
+        (all[1].predicted.picoseconds, all[2].predicted.picoseconds) = (97.0, 120.0);
+        all[1].predicted.as_bytes = 1000;
         let (decision, outcomes) = decided(all, &bounds(1.25, None), false);
         assert_eq!(decision.winner, 0);
         assert_eq!(outcomes[1], "predicted at 0.97 of the input: only less than 0.95 is worth a change");

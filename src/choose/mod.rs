@@ -8,34 +8,31 @@
 mod bounds;
 mod candidate;
 mod decide;
+mod evaluate;
 pub mod model;
 mod outcome;
 mod passes;
 pub mod plans;
 mod refine;
-pub(crate) mod segments;
+mod segments;
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
-
-use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::BlasPer;
 use crate::layout::{self, Layout, PlacedTrees};
-use crate::methods::{self, Cache, Method, PartOptions, PlanId};
+use crate::methods::{self, Cache, Method, PartOptions};
 use crate::scene::{Overlay, Scene};
 use crate::tree::Tree;
-use crate::verify::cpu::{Reference, TwoLevel};
-use crate::verify::rays;
 use crate::verify::weights::Overall;
 use crate::verify::{Machine, MachineKind, Timing, VerifyOptions};
 use bounds::Bounds;
-use candidate::{Candidate, Known};
-pub(crate) use candidate::{Laid, lay_out};
-use model::{Class, Ranking};
+pub(crate) use candidate::{Candidate, written};
+use candidate::{Laid, lay_out};
+pub(crate) use evaluate::{Duplicate, Evaluated, Evaluator};
+use model::Class;
 pub use outcome::{CandidateResult, DecidedBy, Excess, GroupCause, Note, Origin, Outcome, Selection, Why};
 pub use passes::{But, NotTimed, Pass, PassId, Reason};
 use plans::{Effort, Plan};
@@ -222,7 +219,7 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     told.instances.max_bytes_ratio = options.max_bytes_ratio();
     let plans = plans::plans(options.effort, &told);
     let (plans, mut passes) = passes::worth_a_try(scene, choosing.before, plans, options);
-    let Evaluated { mut candidates, placed, held_back } = choosing.evaluate(scene, &plans);
+    let Evaluated { mut candidates, duplicates, placed } = choosing.evaluate(scene, &plans);
     let start = Instant::now();
     let contenders = decide::contenders(&candidates, options.effort);
     let mut raced = choosing.race(scene, &mut candidates, &contenders, Timing::Full);
@@ -232,7 +229,7 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let measured = raced.as_ref().is_ok_and(|&count| count > 0);
     passes.push(passes::measuring(raced, start.elapsed().as_secs_f64()));
     let decision = decide::decide(&candidates, &verify.weights, &bounds, measured);
-    let results = results(&candidates, decision.outcomes, &held_back, verify);
+    let results = results(&candidates, decision.outcomes, &duplicates, verify);
     let winner = candidates.swap_remove(decision.winner);
     passes::tell_used(&mut passes, scene, &winner.plan, &winner.laid.layout);
     let selection = Selection {
@@ -255,7 +252,7 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
 fn results(
     candidates: &[Candidate],
     outcomes: Vec<Outcome>,
-    held_back: &[HeldBack],
+    duplicates: &[Duplicate],
     verify: &VerifyOptions,
 ) -> Vec<CandidateResult> {
     let result = |(candidate, outcome): (&Candidate, _)| candidate.result(&verify.weights, outcome);
@@ -265,69 +262,33 @@ fn results(
         let after_mrays_per_s = timed.before_mrays_per_s;
         input.measured = Some(Overall { after_mrays_per_s, speedup_ratio: 1.0, spread_ratio: 0.0, ..timed });
     }
-    let of_held_back = |held: &HeldBack| {
-        let same = &results[held.same_as];
+    let of_duplicate = |duplicate: &Duplicate| {
+        let same = &results[duplicate.same_as];
         let outcome = Outcome::HeldBack {
             same_as: same.plan,
-            instances: held.instances,
+            instances: duplicate.held_back,
             max_position_error_ratio: verify.max_position_error_ratio,
         };
-        CandidateResult { plan: held.id, outcome, seconds: held.seconds, ..same.clone() }
+        CandidateResult { plan: duplicate.plan, outcome, seconds: duplicate.seconds, ..same.clone() }
     };
-    let more: Vec<CandidateResult> = held_back.iter().map(of_held_back).collect();
+    let more: Vec<CandidateResult> = duplicates.iter().filter(|d| d.held_back > 0).map(of_duplicate).collect();
     results.extend(more);
     results
 }
 
-/// A plan that comes to the same as another one because instances stay whose vertices rounding would move too far.
-struct HeldBack {
-    id: PlanId,
-    /// Index of the candidate.
-    same_as: usize,
-    instances: usize,
-    seconds: f64,
-}
-
-/// What is known of plans.
-struct Evaluated {
-    /// Those that differ.
-    candidates: Vec<Candidate>,
-    /// The trees that laying them out built.
-    placed: PlacedTrees,
-    held_back: Vec<HeldBack>,
-}
-
 impl Choosing<'_> {
-    /// Lays out every plan, without those that come to what an earlier one came to, and predicts what each costs.
+    /// Lays out plans and predicts what rays of the kinds that count take in each layout.
     fn evaluate(&self, scene: &Scene, plans: &[Plan]) -> Evaluated {
-        let Choosing { trees, options, verify, .. } = *self;
-        let vantage = vantage(scene);
-        let moved = (vantage != DVec3::ZERO).then(|| scene.translated(-vantage));
-        let seen = moved.as_ref().unwrap_or(scene);
-        let of_input = TwoLevel::build_to_count(seen, trees);
-        let rays = rays::generate(seen, &Reference::new(&of_input), options.effort.rays(), verify.seed);
-        let blas_per = verify.build.blas_per;
-        let ranking = Ranking { rays: &rays, vantage, class: options.class, weights: verify.weights, blas_per };
-        let plans = segments::given(plans, &of_input, &rays, &verify.weights, vantage);
-        let picoseconds = ranking.picoseconds(&of_input);
-        drop(of_input);
-        let (laid, placed, held_back) = lay_out_all(scene, &plans, verify.max_position_error_ratio);
-        let known = Known { trees, placed: &placed, cost: self.before.two_level_cost, picoseconds };
-        let rank = |(plan, laid, seconds): (&Plan, Laid, f64)| {
-            let start = Instant::now();
-            let candidate = Candidate::new(scene, &known, plan.clone(), laid, &ranking);
-            Candidate { seconds: seconds + start.elapsed().as_secs_f64(), ..candidate }
+        let Choosing { trees, before, options, verify, .. } = *self;
+        let evaluator = Evaluator {
+            trees,
+            two_level_cost: before.two_level_cost,
+            rays_per_kind: options.effort.rays(),
+            all_kinds: false,
+            class: options.class,
+            verify,
         };
-        let mut candidates = Vec::with_capacity(laid.len());
-        let mut laid = laid.into_iter();
-        loop {
-            // The input, which is the first, has its trees already.
-            let some: Vec<_> = laid.by_ref().take(RANKED_AT_ONCE + usize::from(candidates.is_empty())).collect();
-            if some.is_empty() {
-                return Evaluated { candidates, placed, held_back };
-            }
-            candidates.par_extend(some.into_par_iter().map(rank));
-        }
+        evaluator.evaluate(scene, plans)
     }
 
     /// Times the candidates chosen on the device, if there is one; gives their number, or why there are none.
@@ -341,8 +302,7 @@ impl Choosing<'_> {
         if chosen.is_empty() {
             return Err(NotTimed::NothingDiffers);
         }
-        let last = Mutex::default();
-        let scene_of = |i: usize| candidates[chosen[i]].laid.written_after(scene, &last);
+        let scene_of = written(scene, chosen.iter().map(|&i| &candidates[i].laid).collect());
         let laps = self.machine.race(scene, chosen.len(), scene_of, care, self.verify);
         let weights = &self.verify.weights;
         let mut count = 0;
@@ -391,48 +351,6 @@ impl Choosing<'_> {
         count
     }
 }
-
-/// A scene farther from the origin than so many of its diagonals is ranked as seen from its middle.
-const FAR: f64 = 1024.0;
-
-/// Where a scene is seen from when layouts are ranked: so far from the origin that rays in single precision miss what
-/// they are meant for, what they meet tells nothing of layouts.
-fn vantage(scene: &Scene) -> DVec3 {
-    let bounds = scene.bounds();
-    let is_far = bounds.center().abs().max_element() > FAR * bounds.diagonal();
-    if is_far { bounds.center() } else { DVec3::ZERO }
-}
-
-/// A plan, its layout, and the seconds that took.
-type LaidOut<'p> = (&'p Plan, Laid, f64);
-
-/// The layouts of plans that differ, with the seconds each took, the trees that were built for them, and the plans that
-/// differ in nothing because of rounding.
-fn lay_out_all<'p>(
-    scene: &Scene,
-    plans: &'p [Plan],
-    max_error_ratio: f64,
-) -> (Vec<LaidOut<'p>>, PlacedTrees, Vec<HeldBack>) {
-    let mut laid: Vec<LaidOut> = Vec::new();
-    let mut held_back = Vec::new();
-    let mut cache = Cache::serving(plans.iter().map(|plan| &plan.options));
-    for plan in plans {
-        let start = Instant::now();
-        let this = lay_out(&mut cache, scene, plan, max_error_ratio);
-        let seconds = start.elapsed().as_secs_f64();
-        match laid.iter().position(|(_, other, _)| other.is_same(&this)) {
-            None => laid.push((plan, this, seconds)),
-            Some(same_as) if this.held_back > 0 => {
-                held_back.push(HeldBack { id: plan.id, same_as, instances: this.held_back, seconds });
-            }
-            Some(_) => {}
-        }
-    }
-    (laid, cache.into_trees(), held_back)
-}
-
-/// Candidates ranked side by side: each takes memory for its trees.
-const RANKED_AT_ONCE: usize = 2;
 
 /// How a layout was chosen, and what was done before it was.
 struct Found {

@@ -61,6 +61,28 @@ pub struct Prices {
     pub bottom: f64,
 }
 
+/// Predictions for a layout as its consumer builds it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Predicted {
+    /// Two-level cost.
+    pub two_level_cost: f64,
+    /// Bytes of BLASes and TLAS.
+    pub as_bytes: u64,
+    /// Counts and times per ray kind; zero for kinds that were not traced.
+    pub kinds: PerKind<RayCost>,
+    /// Picoseconds per ray: weighted mean over ray kinds.
+    pub picoseconds: f64,
+}
+
+/// Traversal counts of one ray kind in a layout, and the time predicted from them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RayCost {
+    /// Mean counts per ray.
+    pub counts: Counts,
+    /// Picoseconds per ray at the prices of the device class.
+    pub picoseconds: f64,
+}
+
 /// Mean traversal counts per ray; each of [`IN_STEP`] neighbours is charged the largest count among them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Counts {
@@ -108,20 +130,24 @@ pub(super) struct Ranking<'a> {
     pub(super) vantage: DVec3,
     pub(super) class: Class,
     pub(super) weights: Weights,
+    /// Whether ray kinds that weigh 0 are traced too.
+    pub(super) all_kinds: bool,
     /// How layouts are built.
     pub(super) blas_per: BlasPer,
 }
 
 impl Ranking<'_> {
-    /// Predicted picoseconds per ray through a scene: weighted mean over ray kinds.
-    pub(super) fn picoseconds(&self, trees: &TwoLevel) -> f64 {
+    /// Returns counts and predicted times through a scene per ray kind; zero for kinds that are not traced.
+    pub(super) fn costs(&self, trees: &TwoLevel) -> PerKind<RayCost> {
         let tracer = CpuTracer::new(trees);
         let prices = self.class.prices();
-        let of_kind = |kind: RayKind| match self.weights.0[kind] {
-            0.0 => 0.0,
-            _ => prices[kind].of(&Counts::of(&tracer, &self.rays.kinds[kind], kind)),
-        };
-        self.weights.mean(&PerKind::of(of_kind))
+        PerKind::of(|kind: RayKind| {
+            if self.weights.0[kind] == 0.0 && !self.all_kinds {
+                return RayCost::default();
+            }
+            let counts = Counts::of(&tracer, &self.rays.kinds[kind], kind);
+            RayCost { counts, picoseconds: prices[kind].of(&counts) }
+        })
     }
 }
 

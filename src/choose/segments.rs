@@ -15,7 +15,7 @@ const FAR: f64 = 4.0;
 
 /// Returns the plans, with segments for those cut by rays. Each ray kind contributes rays in proportion to its weight,
 /// the kind of the largest weight all of them. `trees` and `rays` are relative to `vantage`.
-pub(crate) fn given(plans: &[Plan], trees: &TwoLevel, rays: &Rays, weights: &Weights, vantage: DVec3) -> Vec<Plan> {
+pub(super) fn given(plans: &[Plan], trees: &TwoLevel, rays: &Rays, weights: &Weights, vantage: DVec3) -> Vec<Plan> {
     let mut plans = plans.to_vec();
     if plans.iter().any(Plan::is_by_rays) {
         let to_world = DAffine3::from_translation(vantage);

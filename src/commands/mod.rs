@@ -4,7 +4,7 @@ pub mod bake;
 pub mod calls;
 mod error;
 pub mod inspect;
-mod measure;
+pub(crate) mod measure;
 pub mod source;
 pub mod verify;
 

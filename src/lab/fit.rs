@@ -188,6 +188,7 @@ fn times<'p>(scenes: &[Vec<Sample>], weights: &Weights, prices: impl Fn(usize) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::choose::model::RayCost;
 
     /// Pseudo-random numbers from 0 to 1.
     fn noise(i: usize) -> f64 {
@@ -203,7 +204,10 @@ mod tests {
                 entries: if single { 1.0 } else { 1.0 + 12.0 * noise(3 * i + 1) },
                 bottom: 20.0 + 60.0 * noise(3 * i + 2),
             };
-            let kind = KindRow { picoseconds: Some(prices.of(&counts) * error(i)), ..KindRow::of(&counts) };
+            let kind = KindRow {
+                picoseconds: Some(prices.of(&counts) * error(i)),
+                ..KindRow::of(RayCost { counts, ..RayCost::default() })
+            };
             Row {
                 scene: format!("scene {}", i / layouts),
                 layout: if single { "single".into() } else { format!("layout {i}") },

@@ -1,26 +1,15 @@
 //! Every layout of every scene: what rays meet in it, and how long they take.
 
-use glam::DVec3;
-
 use super::config::Config;
 use super::rows::{KindRow, Row};
-use crate::choose::model::{Class, Counts};
-use crate::choose::plans::Plan;
-use crate::choose::{Laid, lay_out, segments};
+use crate::choose::model::Class;
+use crate::choose::{Candidate, Duplicate, Evaluated, Evaluator, written};
+use crate::commands::measure::measure_with;
 use crate::cost::mesh_trees::MeshTrees;
-use crate::layout;
-use crate::methods::Cache;
+use crate::layout::{BlasPer, as_built};
 use crate::scene::Scene;
-use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
-use crate::verify::rays::{self, RayKind, Rays};
 use crate::verify::weights::Weights;
 use crate::verify::{Machine, PerKind, RaceResult, Timing, VerifyOptions, race_on_cpu};
-
-/// Layouts that come to the same, by the names of their plans.
-struct Entry {
-    names: Vec<String>,
-    laid: Laid,
-}
 
 /// A row for each layout of a scene, in the order of the plans; those that come to what an earlier one came to share its
 /// row.
@@ -34,19 +23,19 @@ pub(super) fn measure(
     class: Class,
     config: &Config,
 ) -> Result<Vec<Row>, String> {
-    let trees = TwoLevel::build_to_count(scene, &MeshTrees::default());
-    let rays = rays::generate(scene, &Reference::new(&trees), config.counted_rays, config.verify.seed);
-    let plans = segments::given(&config.plans, &trees, &rays, &config.verify.weights, DVec3::ZERO);
-    drop(trees);
-    let entries = lay_out_all(scene, &plans, config);
-    let mut rows: Vec<Row> = entries.iter().map(|entry| predict(name, scene, entry, &rays, class)).collect();
+    let Evaluated { candidates, duplicates, .. } = evaluate(scene, class, config);
+    let blas_per = config.verify.build.blas_per;
+    let mut rows: Vec<Row> = candidates.iter().map(|candidate| predicted(name, scene, candidate, blas_per)).collect();
+    for Duplicate { plan, same_as, .. } in duplicates {
+        rows[same_as].same_as.push(plan.to_string());
+    }
 
-    let scene_of = |i: usize| entries[i].laid.written(scene);
+    let scene_of = written(scene, candidates.iter().map(|candidate| &candidate.laid).collect());
     // Prices are fitted to all kinds of rays, whatever they count for elsewhere.
     let verify = VerifyOptions { weights: Weights(PerKind::of(|_| 1.0)), ..config.verify.clone() };
-    let laps = match machine.race(scene, entries.len(), scene_of, Timing::Full, &verify) {
+    let laps = match machine.race(scene, candidates.len(), &scene_of, Timing::Full, &verify) {
         Some(laps) => laps?,
-        None => race_on_cpu(scene, entries.len(), scene_of, &verify).into_iter().map(Ok).collect(),
+        None => race_on_cpu(scene, candidates.len(), &scene_of, &verify).into_iter().map(Ok).collect(),
     };
     let (device, kind) = machine.name();
     for (row, lap) in rows.iter_mut().zip(laps) {
@@ -59,40 +48,35 @@ pub(super) fn measure(
     Ok(rows)
 }
 
-fn lay_out_all(scene: &Scene, plans: &[Plan], config: &Config) -> Vec<Entry> {
-    let mut entries: Vec<Entry> = Vec::new();
-    let mut cache = Cache::serving(plans.iter().map(|plan| &plan.options));
-    for plan in plans {
-        let laid = lay_out(&mut cache, scene, plan, config.verify.max_position_error_ratio);
-        match entries.iter_mut().find(|e| e.laid.is_same(&laid)) {
-            Some(same) => same.names.push(plan.id.to_string()),
-            None => entries.push(Entry { names: vec![plan.id.to_string()], laid }),
-        }
-    }
-    entries
+/// Evaluates the plans as `bake` does, with rays of all kinds.
+fn evaluate(scene: &Scene, class: Class, config: &Config) -> Evaluated {
+    let trees = MeshTrees::build(scene);
+    let evaluator = Evaluator {
+        trees: &trees,
+        two_level_cost: measure_with(scene, &trees, config.verify.build.blas_per).two_level_cost,
+        rays_per_kind: config.counted_rays,
+        all_kinds: true,
+        class,
+        verify: &config.verify,
+    };
+    evaluator.evaluate(scene, &config.plans)
 }
 
 /// What is known of a layout without a device.
-fn predict(name: &str, scene: &Scene, entry: &Entry, rays: &Rays, class: Class) -> Row {
-    let stored = layout::stored(scene, &entry.laid.layout);
-    let trees = TwoLevel::build_to_count(&stored, &MeshTrees::default());
-    let tracer = CpuTracer::new(&trees);
-    let prices = class.prices();
-    let row = |kind: RayKind| {
-        let counts = Counts::of(&tracer, &rays.kinds[kind], kind);
-        KindRow { predicted_picoseconds: prices[kind].of(&counts), ..KindRow::of(&counts) }
-    };
+fn predicted(name: &str, scene: &Scene, candidate: &Candidate, blas_per: BlasPer) -> Row {
+    let Candidate { plan, laid, predicted, .. } = candidate;
+    let built = as_built(scene, &laid.layout, blas_per);
+    let triangles = |group: u32| built.groups[group as usize].content.triangle_count(scene) as u64;
     Row {
         scene: name.to_owned(),
-        layout: entry.names[0].clone(),
-        same_as: entry.names[1..].to_vec(),
-        triangles: stored.triangles_placed(),
-        groups: stored.meshes.len() as u64,
-        instances: stored.instances.len() as u64,
-        two_level_cost: trees.cost(scene.bounds().area()),
-        predicted_bytes: entry.laid.layout.as_bytes(scene),
-        position_error_ratio: entry.laid.position_error_ratio,
-        kinds: PerKind::of(row),
+        layout: plan.id.to_string(),
+        triangles: built.placements.iter().map(|placement| triangles(placement.group)).sum(),
+        groups: built.groups.len() as u64,
+        instances: built.placements.len() as u64,
+        two_level_cost: predicted.two_level_cost,
+        predicted_bytes: predicted.as_bytes,
+        position_error_ratio: laid.position_error_ratio,
+        kinds: predicted.kinds.map(KindRow::of),
         ..Row::default()
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::choose::model::Counts;
+use crate::choose::model::{Counts, RayCost};
 use crate::verify::{MachineKind, PerKind};
 
 /// A layout of a scene. `docs/lab.md` describes the columns.
@@ -60,8 +60,15 @@ pub struct KindRow {
 }
 
 impl KindRow {
-    pub(super) fn of(counts: &Counts) -> KindRow {
-        KindRow { tlas_nodes: counts.top, entries: counts.entries, blas_nodes: counts.bottom, ..KindRow::default() }
+    pub(super) fn of(predicted: RayCost) -> KindRow {
+        let RayCost { counts, picoseconds } = predicted;
+        KindRow {
+            tlas_nodes: counts.top,
+            entries: counts.entries,
+            blas_nodes: counts.bottom,
+            predicted_picoseconds: picoseconds,
+            ..KindRow::default()
+        }
     }
 
     pub(super) fn counts(&self) -> Counts {

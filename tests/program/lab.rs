@@ -1,10 +1,13 @@
 //! Experiments: tables, fits and rejected configurations.
 
-use crate::common::{folder_names, raykiln, samples};
+use crate::common::{bake, folder_names, raykiln, samples, write};
+use raykiln::Weights;
+use raykiln::verify::PerKind;
 use raykiln::verify::rays::RayKind;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// A folder with two samples, each in a folder of its own.
@@ -135,4 +138,81 @@ fn broken_scenes_can_be_left_out_and_a_fit_to_too_little_says_so() {
     assert_eq!(ran.status, 1, "{}", ran.stderr);
     assert!(ran.stderr.contains("prices cannot be fitted"), "{}", ran.stderr);
     assert_eq!(folder_names(&folder.path().join("tables")), ["layouts.csv", "layouts.jsonl"]);
+}
+
+/// The rows of the lab for a scene, by the names of all plans that come to each.
+fn rows_by_plan(folder: &Path, scene: &Path) -> BTreeMap<String, Value> {
+    let scenes = format!("scenes = ['{}']\n", scene.display());
+    let config = "out = 'tables'\neffort = 3\ndevice = 'cpu'\nrays = 64\nrepeats = 1\n";
+    let ran = lab(folder, &(scenes + config), &["--quiet"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let lines = fs::read_to_string(folder.join("tables/layouts.jsonl")).expect("a table");
+    let rows = lines.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+    let names = |row: &Value| {
+        let more = row["same_as"].as_array().cloned().unwrap_or_default();
+        let all = [row["layout"].clone()].into_iter().chain(more);
+        all.map(|name| name.as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+    };
+    rows.flat_map(|row| names(&row).into_iter().map(|name| (name, row.clone())).collect::<Vec<_>>()).collect()
+}
+
+/// Every candidate of a bake has the numbers of its row, bit for bit. The report has for the candidate that was written
+/// the cost and the position error of what was read back; the others have those that were predicted.
+fn assert_predictions_agree(scene: &Path, at_least: usize) {
+    let folder = TempDir::new().expect("a temporary folder");
+    let rows = rows_by_plan(folder.path(), scene);
+    // The lab has no limit on bytes and does not look for copies.
+    let options = ["--method", "auto", "--effort", "3", "--max-bytes-ratio", "1000", "--copies", "off"];
+    let report = bake(scene, &folder.path().join("out.glb"), &options);
+    let candidates = report["method"]["candidates"].as_array().expect("candidates");
+    assert!(candidates.len() >= at_least, "{}: only {} candidates", scene.display(), candidates.len());
+    for candidate in candidates {
+        let name = candidate["name"].as_str().expect("a name");
+        let row = rows.get(name).unwrap_or_else(|| panic!("{}: no row for `{name}`", scene.display()));
+        let what = format!("{} `{name}`:\n{candidate}\n{row}", scene.display());
+        let of_kind = |kind: RayKind| row["kinds"][kind.name()]["predicted_picoseconds"].as_f64().expect("a time");
+        assert_eq!(candidate["sampled_cost"], Weights::default().mean(&PerKind::of(of_kind)), "{what}");
+        assert_eq!(candidate["as_bytes"], row["predicted_bytes"], "{what}");
+        if candidate["name"] != report["method"]["chosen_candidate"] {
+            assert_eq!(candidate["predicted_cost"], row["two_level_cost"], "{what}");
+            assert_eq!(candidate["position_error_ratio"], row["position_error_ratio"], "{what}");
+        }
+    }
+}
+
+#[test]
+fn the_lab_predicts_what_a_bake_ranks_by() {
+    for (name, at_least) in [("overlapping", 4), ("instanced", 3), ("scattered", 2)] {
+        let sample = samples().into_iter().find(|sample| sample.name == name).expect("the sample is there");
+        assert_predictions_agree(&sample.scene, at_least);
+    }
+}
+
+/// Four heaps of three boxes each, ten thousand times as far from the origin as they are large: rays in single precision
+/// miss them unless they are traced as seen from their middle.
+fn heaps_far_away(folder: &Path) -> PathBuf {
+    let faces = [[1, 2, 4, 3], [5, 7, 8, 6], [1, 5, 6, 2], [3, 4, 8, 7], [1, 3, 7, 5], [2, 6, 8, 4]];
+    let mut text = String::new();
+    for i in 0..12 {
+        let low = [200_000 + 10 * (i / 3 % 2) + i % 3, i % 3, 10 * (i / 6) + i % 3];
+        text += &format!("o box {i}\n");
+        for corner in 0..8 {
+            let [x, y, z] = [0, 1, 2].map(|axis| low[axis] + 4 * (corner >> axis & 1));
+            text += &format!("v {x} {y} {z}\n");
+        }
+        for face in faces {
+            let [a, b, c, d] = face.map(|corner| 8 * i + corner);
+            text += &format!("f {a} {b} {c} {d}\n");
+        }
+    }
+    write(folder, "far.obj", text)
+}
+
+#[test]
+fn scenes_far_from_the_origin_are_predicted_as_a_bake_does() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let scene = heaps_far_away(folder.path());
+    assert_predictions_agree(&scene, 3);
+    let single = &rows_by_plan(folder.path(), &scene)["single"];
+    assert!(single["kinds"]["primary"]["blas_nodes"].as_f64().is_some_and(|met| met > 1.0), "{single}");
 }
