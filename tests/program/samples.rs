@@ -1,6 +1,6 @@
 //! Every sample matches its `expect.toml`.
 
-use crate::common::{Bake, Number, Sample, Surface, bake, json_of, samples};
+use crate::common::{Bake, Number, Sample, Surface, bake, json_of, methods, samples};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -17,6 +17,15 @@ fn there_are_enough_samples() {
     assert!(samples.len() >= 12, "only {} samples were found", samples.len());
     for sample in samples {
         assert!(sample.expectation.bake.iter().any(|b| !b.unchanged) || sample.name == "clean", "{}", sample.name);
+    }
+}
+
+#[test]
+fn every_method_is_baked_by_several_samples() {
+    let samples = samples();
+    for method in methods() {
+        let count = samples.iter().filter(|s| s.expectation.bake.iter().any(|b| b.method == method)).count();
+        assert!(count >= 3, "only {count} samples bake `{method}`");
     }
 }
 
