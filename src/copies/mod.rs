@@ -19,6 +19,7 @@ mod anchors;
 mod fit;
 mod grid;
 mod shape;
+mod sharing;
 mod signature;
 #[cfg(test)]
 mod tests;
@@ -34,6 +35,7 @@ use crate::cost::bytes;
 use crate::scene::{Instance, MeshId, Overlay, Scene, StandIn, TriangleOrder};
 use align::Alignment;
 use shape::Shape;
+pub use sharing::{Count, Looser, Saved, Sharing};
 use signature::Signature;
 
 /// Maximum difference between the components of a rotated normal or tangent, of unit length, and the copy's: text

@@ -1,9 +1,12 @@
 //! The passes of a bake, with their reasons in words.
 
+use std::fmt::{self, Display, Formatter};
+
 use serde::{Serialize, Serializer};
 
-use super::words::counted;
+use super::words::{bytes, counted};
 use crate::choose::{self, But, NotTimed, PassId, Reason};
+use crate::copies::{Count, Looser, Saved, Sharing};
 use crate::emit::Copied;
 
 /// A step that was applied or skipped.
@@ -34,6 +37,11 @@ impl From<choose::Pass> for Pass {
 }
 
 impl Pass {
+    /// The pass that shares copies.
+    pub(crate) fn find_copies(sharing: &Sharing, seconds: f64) -> Pass {
+        Pass { id: PassId::FindCopies, applied: sharing.is_applied(), reason: sharing.to_string(), seconds }
+    }
+
     /// The pass that writes instances as copies of one node.
     pub(crate) fn instancing_extension(copied: &Copied, seconds: f64) -> Pass {
         Pass { id: PassId::InstancingExtension, applied: copied.nodes > 0, reason: copied.to_string(), seconds }
@@ -47,6 +55,51 @@ impl Pass {
             n => format!("{} showed nothing and nothing referred to them", counted(n, "node")),
         };
         Pass { id: PassId::Prune, applied: nodes > 0, reason, seconds }
+    }
+}
+
+impl Display for Sharing {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self {
+            Sharing::NoneAlike => f.write_str("no two meshes are alike"),
+            Sharing::NotLookedFor(most) => {
+                write!(f, "sharing copies, if there are any, would save {} at most", bytes(*most))
+            }
+            Sharing::TooLoose(copies, looser) => write!(f, "{copies}, but {looser}"),
+            Sharing::SavesTooLittle(saved) => {
+                let Saved { shared, as_bytes, .. } = saved;
+                write!(f, "{shared}, but sharing them saves only {}{}", bytes(*as_bytes), words_of_left_out(saved))
+            }
+            Sharing::Shared { saved, stored_bytes } => write!(
+                f,
+                "{}; sharing saves {} of stored geometry and {} of predicted acceleration structures{}",
+                saved.shared,
+                bytes(*stored_bytes),
+                bytes(saved.as_bytes),
+                words_of_left_out(saved)
+            ),
+            Sharing::InputLeftAlone(sharing) => write!(f, "{sharing}; but the input is left alone"),
+            Sharing::WrittenOut(sharing) => write!(f, "{sharing}; but the layout chosen writes all of them out"),
+        }
+    }
+}
+
+fn words_of_left_out(saved: &Saved) -> String {
+    saved.left_out.map(|(copies, looser)| format!("; {copies}, left out: with them {looser}")).unwrap_or_default()
+}
+
+impl Display for Count {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self.copies {
+            1 => f.write_str("1 mesh is a copy of another"),
+            copies => write!(f, "{} are copies of {}", counted(copies, "mesh"), self.models),
+        }
+    }
+}
+
+impl Display for Looser {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        write!(f, "turned boxes are looser: predicted cost {:.2} against {:.2}", self.cost, self.before)
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Serialize, Serializer};
 
-use crate::verify::{Failure, FaultKind, Note, OpaqueTextures, Side, Verification, WhyCpu};
+use crate::verify::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Side, Target, Verification, WhyCpu, Wrong};
 
 impl Display for Verification {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
@@ -38,9 +38,46 @@ impl Display for Failure {
                 "a corner lies {position_error_ratio:.3e} of the scene's diagonal from its place, {allowed:.3e} allowed"
             ),
             Failure::Rays { mismatches, rays, examples } => {
+                let examples: Vec<String> = examples.iter().map(ToString::to_string).collect();
                 write!(f, "{mismatches} of {rays} rays see something else: {}", examples.join("; "))
             }
         }
+    }
+}
+
+impl Display for Mismatch {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        let Mismatch { kind, ray, wrong, shown, truth } = self;
+        let shown = shown.as_ref().map(|shown| format!(" ({shown})")).unwrap_or_default();
+        let truth = truth.as_ref().map_or("nothing".to_owned(), ToString::to_string);
+        write!(f, "{kind:?} ray {ray}: the output shows {wrong}{shown}, the input {truth}")
+    }
+}
+
+impl Display for Target {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        match self {
+            Target::Triangle(name) => f.write_str(name),
+            Target::Surface { material, distance } => write!(f, "material {material} at distance {distance:.6}"),
+        }
+    }
+}
+
+impl Display for Wrong {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Wrong::Nothing => "nothing",
+            Wrong::UnknownTriangle => "a triangle that the input does not have",
+            Wrong::MovedTriangle => "a triangle that lies elsewhere",
+            Wrong::BackOfTriangle => "the other side of a triangle",
+            Wrong::LostTriangle => "not the triangle that is missing",
+            Wrong::TriangleBehind => "a triangle behind the one that is hit",
+            Wrong::MovedSurface => "a surface that lies elsewhere",
+            Wrong::BackOfSurface => "the other side of a surface",
+            Wrong::SurfaceBehind => "a surface behind the one that is hit",
+            Wrong::Material => "another material",
+            Wrong::MaterialInPlace => "another material in the same place",
+        })
     }
 }
 

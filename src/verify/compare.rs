@@ -11,7 +11,7 @@ use super::random::Random;
 use super::rays::{Ray, RayKind};
 use super::rounding::{Magnitude, SINGLE, SMALLEST};
 use super::structure::{Structure, reference_length};
-use super::{Hit, Sides, VerifyOptions};
+use super::{Hit, Mismatch, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
 /// Number of rounding errors that may accumulate between a ray and its hit.
@@ -103,8 +103,8 @@ pub struct Tally {
     pub before: Errors,
     /// Errors in the output.
     pub after: Errors,
-    /// Descriptions of the first mismatches.
-    pub examples: Vec<String>,
+    /// The first mismatches.
+    pub examples: Vec<Mismatch>,
 }
 
 impl Tally {
@@ -177,7 +177,7 @@ pub(super) enum Judgement {
     Right,
     Tie,
     Silhouette,
-    Wrong(&'static str),
+    Wrong(Wrong),
 }
 
 /// A ray that must be judged by the truth.
@@ -270,10 +270,10 @@ impl<'a> Comparison<'a> {
             let after = self.judge(&self.after, ray, doubt.after.as_ref(), truth.as_ref(), place);
             let before = self.judge(&self.before, ray, doubt.before.as_ref(), truth.as_ref(), truth.map(|t| t.at));
             self.count(doubt, before, after, tally);
-            if let Judgement::Wrong(why) = after
+            if let Judgement::Wrong(wrong) = after
                 && tally.examples.len() < EXAMPLES
             {
-                tally.examples.push(self.in_words(kind, doubt, truth.as_ref(), why));
+                tally.examples.push(self.mismatch(kind, doubt, truth.as_ref(), wrong));
             }
         }
     }
@@ -306,16 +306,16 @@ impl<'a> Comparison<'a> {
     }
 
     /// Returns what is wrong with a claim, without knowing the truth.
-    fn fault(&self, claim: &Claim) -> Option<&'static str> {
+    fn fault(&self, claim: &Claim) -> Option<Wrong> {
         let (Some(source), Some((truly, slack))) = (claim.source, claim.truly) else {
-            return Some("a triangle that is none of the input's");
+            return Some(Wrong::UnknownTriangle);
         };
         if claim.material != material(self.before.scene, source) {
-            Some("another material")
+            Some(Wrong::Material)
         } else if !truly.explains(claim.distance, slack) {
-            Some("a triangle that is somewhere else")
+            Some(Wrong::MovedTriangle)
         } else if claim.front != truly.front && !truly.grazes(slack) {
-            Some("the other side of a triangle")
+            Some(Wrong::BackOfTriangle)
         } else {
             None
         }
@@ -340,7 +340,7 @@ impl<'a> Comparison<'a> {
         if claimed == Some(truth.at) {
             return Judgement::Right;
         }
-        let Some(place) = place else { return Judgement::Wrong("not a triangle that is lost") };
+        let Some(place) = place else { return Judgement::Wrong(Wrong::LostTriangle) };
         let truly = Approach::new(ray, &self.before.scene.world_corners(truth.at));
         let slack = side.slack(place.instance, ray, &truly);
         let distance = truth.t * ray.direction.as_dvec3().length();
@@ -348,8 +348,8 @@ impl<'a> Comparison<'a> {
             Some(claim) if truly.explains(claim.distance, slack) => self.tie(claim, truth),
             Some(claim) if claim.distance < distance => Judgement::Silhouette,
             _ if truly.grazes(slack) || at_an_end(ray, &truly, slack) => Judgement::Silhouette,
-            Some(_) => Judgement::Wrong("a triangle behind the one that is hit"),
-            None => Judgement::Wrong("nothing"),
+            Some(_) => Judgement::Wrong(Wrong::TriangleBehind),
+            None => Judgement::Wrong(Wrong::Nothing),
         }
     }
 
@@ -359,7 +359,7 @@ impl<'a> Comparison<'a> {
         if self.structure_is_clean || claim.material == material(self.before.scene, truth.at) {
             Judgement::Tie
         } else {
-            Judgement::Wrong("another material in the same place")
+            Judgement::Wrong(Wrong::MaterialInPlace)
         }
     }
 
@@ -371,15 +371,10 @@ impl<'a> Comparison<'a> {
             .then(|| (claim.distance - truly.distance).abs() / distance)
     }
 
-    fn in_words(&self, kind: RayKind, doubt: &Doubt, truth: Option<&TrueHit>, why: &str) -> String {
-        let name = |at: Option<TriangleRef>| at.map_or("nothing".into(), |at| describe(self.before.scene, at));
-        let shown = doubt.after.as_ref().and_then(|c| c.source).map(|at| format!(" ({})", name(Some(at))));
-        format!(
-            "{kind:?} ray {}: the output shows {why}{}, the input {}",
-            doubt.ray,
-            shown.unwrap_or_default(),
-            name(truth.map(|t| t.at))
-        )
+    fn mismatch(&self, kind: RayKind, doubt: &Doubt, truth: Option<&TrueHit>, wrong: Wrong) -> Mismatch {
+        let seen = |at| Target::Triangle(describe(self.before.scene, at));
+        let shown = doubt.after.as_ref().and_then(|claim| claim.source).map(seen);
+        Mismatch { kind, ray: doubt.ray, wrong, shown, truth: truth.map(|truth| seen(truth.at)) }
     }
 }
 

@@ -37,7 +37,7 @@ use compare::Comparison;
 use cpu::{CpuTracer, Reference, TwoLevel};
 pub use device::{DeviceChoice, DeviceError, Machine, MachineKind};
 use identity::Identity;
-pub use note::{Failure, FaultKind, Note, OpaqueTextures, WhyCpu};
+pub use note::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Target, WhyCpu, Wrong};
 pub use per_kind::PerKind;
 pub use race::{RaceResult, Timing, race_on_cpu};
 use serde::Serialize;

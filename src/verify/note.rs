@@ -1,6 +1,7 @@
 //! What a verification did otherwise than asked; [`crate::report`] puts it into words.
 
 use super::Side;
+use super::rays::RayKind;
 
 /// Something that a verification did otherwise than asked.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,7 +62,7 @@ pub enum Failure {
         /// How many were compared.
         rays: u64,
         /// The first of them.
-        examples: Vec<String>,
+        examples: Vec<Mismatch>,
     },
 }
 
@@ -80,4 +81,60 @@ pub enum FaultKind {
     Flipped,
     /// It lies elsewhere.
     Moved,
+}
+
+/// A ray that hits something else in the output than in the input.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mismatch {
+    /// The kind of ray.
+    pub kind: RayKind,
+    /// Its index among the rays of its kind.
+    pub ray: usize,
+    /// What is wrong with its hit.
+    pub wrong: Wrong,
+    /// What it hits in the output; `None` if nothing, or a triangle that the input does not have.
+    pub shown: Option<Target>,
+    /// What it hits in the input.
+    pub truth: Option<Target>,
+}
+
+/// What a ray hits.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Target {
+    /// A triangle, by its place in the input file.
+    Triangle(String),
+    /// A surface whose triangle is not known.
+    Surface {
+        /// The name of its material.
+        material: String,
+        /// Distance from the ray's origin, in world units.
+        distance: f64,
+    },
+}
+
+/// What can be wrong with a hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrong {
+    /// Nothing is hit.
+    Nothing,
+    /// The triangle is not one of the input's.
+    UnknownTriangle,
+    /// The triangle lies elsewhere in the input.
+    MovedTriangle,
+    /// The triangle is hit from its other side.
+    BackOfTriangle,
+    /// The triangle hit in the input is missing in the output.
+    LostTriangle,
+    /// The triangle lies behind the one hit in the input.
+    TriangleBehind,
+    /// The input has no such surface at this distance.
+    MovedSurface,
+    /// The surface is hit from its other side.
+    BackOfSurface,
+    /// The surface lies behind the one hit in the input.
+    SurfaceBehind,
+    /// It has another material.
+    Material,
+    /// It has another material than the triangle of the input in the same place.
+    MaterialInPlace,
 }

@@ -13,7 +13,7 @@ use super::cpu::{Reference, TrueHit};
 use super::materials::Materials;
 use super::rays::{Ray, RayKind};
 use super::structure::reference_length;
-use super::{Hit, Note, Side, Sides, VerifyOptions};
+use super::{Hit, Mismatch, Note, Side, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{Scene, TriangleRef};
 
 /// Two scenes and the truth about the first.
@@ -147,20 +147,18 @@ impl<'a> Surfaces<'a> {
                 at += 1;
             }
             tally.count(judged, agree(&claims[ray], FAR_RATIO * self.radius));
-            if let Judgement::Wrong(why) = judged.after
+            if let Judgement::Wrong(wrong) = judged.after
                 && tally.examples.len() < EXAMPLES
             {
-                tally.examples.push(self.in_words(kind, ray, why, claims[ray].after.as_ref(), truths[ray].as_ref()));
+                let seen = |material, distance| Target::Surface {
+                    material: self.materials.name(material).to_owned(),
+                    distance,
+                };
+                let shown = claims[ray].after.as_ref().map(|claim| seen(claim.material, claim.distance));
+                let truth = truths[ray].as_ref().map(|truth| seen(truth.material, truth.distance));
+                tally.examples.push(Mismatch { kind, ray, wrong, shown, truth });
             }
         }
-    }
-
-    fn in_words(&self, kind: RayKind, ray: usize, why: &str, claim: Option<&Claim>, truth: Option<&Truth>) -> String {
-        let words =
-            |material, distance| format!("material {} at distance {distance:.6}", self.materials.name(material));
-        let shown = claim.map_or(String::new(), |c| format!(" ({})", words(c.material, c.distance)));
-        let truly = truth.map_or("nothing".into(), |t| words(t.material, t.distance));
-        format!("{kind:?} ray {ray}: the output shows {why}{shown}, the input {truly}")
     }
 
     /// Returns, for each doubt, whether the input has a surface at the claimed place, with the claimed material and
@@ -220,12 +218,12 @@ impl Truth {
 
 /// Judges a claim; `is_there` tells whether the input has such a surface at that place.
 fn judge_hit(ray: &Ray, claim: &Claim, truth: Option<&Truth>, is_there: bool) -> Judgement {
-    use Judgement::{Silhouette, Tie, Wrong};
+    use Judgement::{Silhouette, Tie};
     if !is_there && !claim.doubtful {
-        return Wrong(match truth {
-            Some(truth) if truth.is_at(claim) && truth.material == claim.material => "the other side of a surface",
-            Some(truth) if truth.is_at(claim) => "another material",
-            _ => "a surface that is somewhere else",
+        return Judgement::Wrong(match truth {
+            Some(truth) if truth.is_at(claim) && truth.material == claim.material => Wrong::BackOfSurface,
+            Some(truth) if truth.is_at(claim) => Wrong::Material,
+            _ => Wrong::MovedSurface,
         });
     }
     match truth {
@@ -233,7 +231,7 @@ fn judge_hit(ray: &Ray, claim: &Claim, truth: Option<&Truth>, is_there: bool) ->
         Some(truth) if truth.is_at(claim) && is_there => Tie,
         Some(truth) if truth.is_at(claim) || claim.distance < truth.distance => Silhouette,
         Some(truth) if truth.is_doubtful(ray, claim.slack) => Silhouette,
-        Some(_) => Wrong("a surface behind the one that is hit"),
+        Some(_) => Judgement::Wrong(Wrong::SurfaceBehind),
     }
 }
 
@@ -242,7 +240,7 @@ fn judge_miss(ray: &Ray, truth: Option<&Truth>, position_error: f64) -> Judgemen
     match truth {
         None => Judgement::Right,
         Some(truth) if truth.is_doubtful(ray, position_error) => Judgement::Silhouette,
-        Some(_) => Judgement::Wrong("nothing"),
+        Some(_) => Judgement::Wrong(Wrong::Nothing),
     }
 }
 

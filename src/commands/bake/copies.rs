@@ -8,14 +8,12 @@ use raykiln_formats::Document;
 
 use super::BakeOptions;
 use super::turned::{self, Class};
-use crate::choose::{Choice, PassId};
+use crate::choose::Choice;
 use crate::commands::measure::measure_with;
-use crate::copies::{self, CopiedMesh, Copies, Likeness};
+use crate::copies::{self, CopiedMesh, Copies, Count, Likeness, Looser, Saved, Sharing};
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::Layout;
-use crate::report::Pass;
-use crate::report::words::{bytes, counted};
 use crate::scene::{InstanceId, Overlay, Scene};
 
 /// Whether copies are looked for.
@@ -53,14 +51,14 @@ const LEAST_SAVED_RATIO: f64 = 0.05;
 /// Bytes that `auto` must save besides: what devices allocate at least at a time (see rule RK009 of `inspect`).
 const LEAST_SAVED_BYTES: u64 = 64 << 10;
 
-/// What came of looking for copies.
-pub(super) struct Sharing<'a> {
+/// The scene in which copies are shared, if any are.
+pub(super) struct SharedScene<'a> {
     /// The scene with the meshes that stand in for their copies.
-    pub(super) staged: Cow<'a, Scene>,
+    pub(super) scene: Cow<'a, Scene>,
     /// Its metrics.
     pub(super) metrics: Metrics,
-    /// What was done; `None` if the options leave the pass out.
-    pub(super) pass: Option<Pass>,
+    /// What was done, and the seconds it took; `None` if the options leave the pass out.
+    pub(super) sharing: Option<(Sharing, f64)>,
 }
 
 /// Lets meshes stand in for their copies, but for those whose looser boxes cost too much, and unless hardly any memory
@@ -71,23 +69,21 @@ pub(super) fn share<'a>(
     trees: &MeshTrees,
     before: &Metrics,
     options: &BakeOptions,
-) -> Sharing<'a> {
+) -> SharedScene<'a> {
     let start = Instant::now();
     let Some(likeness) = options.copies.likeness(options.choose.method) else {
-        return Sharing { staged: Cow::Borrowed(scene), metrics: before.clone(), pass: None };
+        return SharedScene { scene: Cow::Borrowed(scene), metrics: before.clone(), sharing: None };
     };
     let max_position_error_ratio = options.verify.max_position_error_ratio;
     let least_saved_bytes = if options.copies == FindCopies::ByMethod { least_saved_bytes(before) } else { 0 };
     let found = copies::find(doc, scene, &copies::Options { likeness, max_position_error_ratio, least_saved_bytes });
-    let (shared, reason) = match (found.list.as_slice(), found.most_saved_bytes) {
-        ([], Some(0) | None) => (None, "no two meshes are alike".to_owned()),
-        ([], Some(most)) => (None, format!("sharing copies, if there are any, would save {} at most", bytes(most))),
+    let (shared, sharing) = match (found.list.as_slice(), found.most_saved_bytes) {
+        ([], Some(0) | None) => (None, Sharing::NoneAlike),
+        ([], Some(most)) => (None, Sharing::NotLookedFor(most)),
         _ => worth_sharing(doc, scene, trees, before, &found, options),
     };
-    let (applied, seconds) = (shared.is_some(), start.elapsed().as_secs_f64());
     let (overlay, metrics) = shared.unwrap_or_else(|| (Overlay::default(), before.clone()));
-    let pass = Pass { id: PassId::FindCopies, applied, reason, seconds };
-    Sharing { staged: scene.overlaid(&overlay), metrics, pass: Some(pass) }
+    SharedScene { scene: scene.overlaid(&overlay), metrics, sharing: Some((sharing, start.elapsed().as_secs_f64())) }
 }
 
 /// Whether a layout places a mesh that stands in for a copy, or pieces of one, rather than write it out.
@@ -96,15 +92,13 @@ pub(super) fn are_placed(scene: &Scene, layout: &Layout) -> bool {
     layout.placements.iter().filter_map(|placement| placement.instance).any(is_copy)
 }
 
-/// The pass as it came out: where the input is left alone after all, or all copies are written out, it stays without.
-pub(super) fn as_written(pass: Pass, unchanged: bool, placed: bool) -> Pass {
-    let but = match (unchanged, placed) {
-        _ if !pass.applied => return pass,
-        (true, _) => "the input is left alone",
-        (false, false) => "what was chosen writes all of them out",
-        (false, true) => return pass,
-    };
-    Pass { applied: false, reason: format!("{}; but {but}", pass.reason), ..pass }
+/// What came of sharing in the output: if the input is left alone after all, or all copies are written out, none.
+pub(super) fn as_written(sharing: Sharing, unchanged: bool, placed: bool) -> Sharing {
+    match (sharing.is_applied(), unchanged, placed) {
+        (false, ..) | (true, false, true) => sharing,
+        (true, true, _) => Sharing::InputLeftAlone(Box::new(sharing)),
+        (true, false, false) => Sharing::WrittenOut(Box::new(sharing)),
+    }
 }
 
 /// Predicted bytes of acceleration structures that `auto` must save to share at all.
@@ -120,39 +114,25 @@ fn worth_sharing(
     before: &Metrics,
     found: &Copies,
     options: &BakeOptions,
-) -> (Option<(Overlay, Metrics)>, String) {
+) -> (Option<(Overlay, Metrics)>, Sharing) {
     let Part { shared, overlay, metrics, cost_of_all } = best_part(doc, scene, trees, before, found, options);
-    let looser =
-        |cost| format!("turned boxes are looser: predicted cost {cost:.2} against {:.2}", before.two_level_cost);
-    if let Some(cost) = cost_of_all.filter(|_| shared.list.is_empty()) {
-        return (None, format!("{}, but {}", words(&found.list), looser(cost)));
+    let looser = cost_of_all.map(|cost| Looser { cost, before: before.two_level_cost });
+    if let Some(looser) = looser.filter(|_| shared.list.is_empty()) {
+        return (None, Sharing::TooLoose(Count::of(&found.list), looser));
     }
-    let saved = before.as_bytes().saturating_sub(metrics.as_bytes());
-    let mut reason = words(&shared.list);
-    let applied = options.copies != FindCopies::ByMethod || saved >= least_saved_bytes(before);
-    if applied {
-        let stored = bytes(stored_bytes(doc, scene, &shared));
-        reason += &format!(
-            "; sharing saves {stored} of stored geometry and {} of predicted acceleration structures",
-            bytes(saved)
-        );
-    } else {
-        reason += &format!(", but sharing them saves only {}", bytes(saved));
+    let left_out = looser.map(|looser| (Count::of(&left_out(found, &shared)), looser));
+    let as_bytes = before.as_bytes().saturating_sub(metrics.as_bytes());
+    let saved = Saved { shared: Count::of(&shared.list), as_bytes, left_out };
+    if options.copies == FindCopies::ByMethod && as_bytes < least_saved_bytes(before) {
+        return (None, Sharing::SavesTooLittle(saved));
     }
-    if let Some(cost) = cost_of_all {
-        let is_shared: BTreeSet<_> = shared.list.iter().map(|c| c.mesh).collect();
-        let left_out: Vec<CopiedMesh> = found.list.iter().filter(|c| !is_shared.contains(&c.mesh)).cloned().collect();
-        reason += &format!("; {}, left out: with them {}", words(&left_out), looser(cost));
-    }
-    (applied.then_some((overlay, metrics)), reason)
+    (Some((overlay, metrics)), Sharing::Shared { saved, stored_bytes: stored_bytes(doc, scene, &shared) })
 }
 
-fn words(list: &[CopiedMesh]) -> String {
-    let models: BTreeSet<_> = list.iter().map(|c| c.model).collect();
-    match list.len() {
-        1 => "1 mesh is a copy of another".to_owned(),
-        copies => format!("{} are copies of {}", counted(copies, "mesh"), models.len()),
-    }
+/// The copies found that are not shared.
+fn left_out(found: &Copies, shared: &Copies) -> Vec<CopiedMesh> {
+    let is_shared: BTreeSet<_> = shared.list.iter().map(|copy| copy.mesh).collect();
+    found.list.iter().filter(|copy| !is_shared.contains(&copy.mesh)).cloned().collect()
 }
 
 /// Copies that are shared in a scene.
@@ -226,12 +206,15 @@ mod tests {
 
     #[test]
     fn sharing_that_is_written_out_again_is_not_applied() {
-        let pass = |applied| Pass { id: PassId::FindCopies, applied, reason: "found".to_owned(), seconds: 0.0 };
-        let written = |applied, unchanged, placed| as_written(pass(applied), unchanged, placed).applied;
-        assert_eq!([written(true, false, true), written(true, false, false)], [true, false]);
-        assert_eq!([written(true, true, true), written(false, false, true)], [false, false]);
-        assert_eq!(as_written(pass(true), false, false).reason, "found; but what was chosen writes all of them out");
-        assert_eq!(as_written(pass(false), true, false).reason, "found");
+        let saved = Saved { shared: Count { copies: 2, models: 1 }, as_bytes: 4096, left_out: None };
+        let shared = Sharing::Shared { saved, stored_bytes: 10 };
+        let written = |unchanged, placed| as_written(shared.clone(), unchanged, placed).is_applied();
+        assert_eq!([written(false, true), written(false, false)], [true, false]);
+        assert_eq!([written(true, true), written(true, false)], [false, false]);
+        let out = as_written(shared.clone(), false, false).to_string();
+        let first = shared.to_string();
+        assert_eq!(out, format!("{first}; but the layout chosen writes all of them out"));
+        assert_eq!(as_written(Sharing::NoneAlike, true, false), Sharing::NoneAlike);
     }
 
     #[test]

@@ -26,7 +26,7 @@ use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
 use crate::verify::{Machine, Sides, Verification, VerifyOptions};
 use clock::Clock;
-use copies::Sharing;
+use copies::SharedScene;
 
 /// Options of a bake.
 #[derive(Clone, Debug, Default)]
@@ -118,7 +118,7 @@ pub fn bake(
     let before = measure_with(&scene, &trees, blas_per);
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
-    let Sharing { staged, metrics: shared, pass: copies } = copies::share(&doc, &scene, &trees, &before, options);
+    let SharedScene { scene: staged, metrics: shared, sharing } = copies::share(&doc, &scene, &trees, &before, options);
     let chosen = choose::choose(&staged, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
     let seconds = optimising.elapsed().as_secs_f64();
     let copies_are_placed = copies::are_placed(&staged, &chosen.layout);
@@ -128,7 +128,9 @@ pub fn bake(
     let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
     let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
-    let copies = copies.map(|pass| copies::as_written(pass, written.unchanged, copies_are_placed));
+    let copies = sharing.map(|(sharing, seconds)| {
+        Pass::find_copies(&copies::as_written(sharing, written.unchanged, copies_are_placed), seconds)
+    });
     let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
     let method = MethodReport::from(chosen.selection).with_written(&after, verification.position_error_ratio, seconds);
     let profiles = per_primitive_note(
