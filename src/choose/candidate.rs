@@ -44,7 +44,7 @@ pub(crate) struct Laid {
     pub(super) axes: u8,
     pub(super) passes: Vec<Pass>,
     /// Pins the instances that rounding would move too far.
-    pub(super) overlay: Overlay,
+    pub(crate) overlay: Overlay,
     /// The largest distance between a corner and its stored position, over the diagonal of the scene.
     pub(crate) position_error_ratio: f64,
     /// Instances that it leaves as they are only because of that.
@@ -214,9 +214,10 @@ pub(super) fn lay_out(cache: &mut Cache, scene: &Scene, plan: &Plan, max_error_r
     let start = Instant::now();
     let mut settled = emit::settle(scene, &mut layout, max_error_ratio, Refuse::Instances);
     let (mut held_back, mut rounds, mut overlay) = (0, 0, Overlay::default());
-    while !settled.refused.is_empty() {
+    while !settled.refused.is_empty() || !settled.bound.is_empty() {
         held_back += settled.refused.len();
         rounds += 1;
+        overlay.pin(&settled.bound, Pinned::Seam);
         overlay.pin(&settled.refused, Pinned::Precision);
         let pinned = scene.overlaid(&overlay);
         layout = methods::run_with(cache, plan.method, &pinned, &plan.options);

@@ -32,6 +32,7 @@ use raykiln_formats::Document;
 use rayon::prelude::*;
 
 use crate::cost::bytes;
+use crate::layout::seams;
 use crate::scene::{Instance, MeshId, Overlay, Scene, StandIn, TriangleOrder};
 use align::Alignment;
 use shape::Shape;
@@ -193,7 +194,7 @@ enum Role {
     /// A model only.
     Model,
     /// A copy if the motion is the identity, else a model: copies by `EXT_mesh_gpu_instancing` are placed in mesh
-    /// coordinates.
+    /// coordinates, and what shares corners with a neighbour would part from it.
     InPlace,
     /// Either.
     Any,
@@ -209,12 +210,12 @@ fn roles(doc: &Document, scene: &Scene) -> Vec<Role> {
             if whole && !mesh.dropped { Role::Any } else { Role::None }
         })
         .collect();
-    for instance in &scene.instances {
+    for (instance, touches) in scene.instances.iter().zip(seams::touching(scene)) {
         let role = &mut roles[instance.mesh.0 as usize];
         *role = match *role {
             Role::None => Role::None,
             _ if instance.pinned.is_some() => Role::Model,
-            Role::Any if scene.is_copied(instance.node) => Role::InPlace,
+            Role::Any if touches || scene.is_copied(instance.node) => Role::InPlace,
             role => role,
         };
     }

@@ -1,7 +1,9 @@
 //! Chooses frames that keep the rounding of baked positions within a limit.
 
+use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
+use crate::layout::seams::{self, Class};
 use crate::layout::store::{Store, rounding_error};
 use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
 use crate::parallel::CHEAP_ELEMENTS;
@@ -16,6 +18,8 @@ pub struct Settled {
     pub error: f64,
     /// Instances whose triangles cannot be written out within the limit.
     pub refused: Vec<InstanceId>,
+    /// Instances whose triangles share corners with an instance that stays, under a transform that only staying keeps.
+    pub bound: Vec<InstanceId>,
 }
 
 /// What must stay unchanged if rounding moves a corner too far.
@@ -31,35 +35,26 @@ pub enum Refuse {
 /// limit for the scene exceeds the size of small objects.
 const OF_OWN_SIZE: f64 = 1e-4;
 
-/// Stores each baked group relative to its centre if rounding world positions to single precision would move a vertex
-/// farther than `max_error_ratio` of the diagonal of the scene or of the group, or than a ten-thousandth of that of its
-/// instance: a small object far from the origin keeps its shape. Returns the instances, including those opened into
-/// pieces stored in frames, that would still exceed the ratio of the scene's diagonal or a ten-thousandth of their own.
+/// Stores baked groups relative to their centre if rounding world positions to single precision would move a vertex
+/// farther than `max_error_ratio` of the scene's diagonal, or of the group's own, or than a ten-thousandth of its
+/// instance's own: a small object far from the origin keeps its shape. Groups that share corners ([`seams`]) get one
+/// frame, with one origin. Names the instances, also those opened into pieces that are stored in frames, that would
+/// still exceed the ratio of the scene's diagonal, or a ten-thousandth of their own, and those whose neighbours stay.
 pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: Refuse) -> Settled {
-    let boxes = scene.instance_boxes();
     let limit = max_error_ratio * scene.bounds().diagonal();
-    let limits: Vec<f64> = boxes.iter().map(|own| limit.min(own_limit(own))).collect();
-    let mut settled = Settled::default();
-    for group in &mut layout.groups {
-        let (is_centred, rounded) = settle_group(scene, &mut group.content, &limits, max_error_ratio);
-        settled.centred += usize::from(is_centred);
-        settled.error = settled.error.max(rounded.error);
-        match (&group.content, refuse) {
-            (Content::Baked { geometries, .. }, Refuse::Groups) if !rounded.refused.is_empty() => {
-                let triangles = geometries.iter().flat_map(|g| &g.triangles);
-                settled.refused.extend(triangles.map(|t| InstanceId(t.instance)));
-            }
-            _ => settled.refused.extend(rounded.refused),
-        }
-    }
+    let limits: Vec<f64> = scene.instance_boxes().iter().map(|own| limit.min(own_limit(own))).collect();
+    let settling = Settling { scene, limits, max_error_ratio, refuse };
+    let mut settled = settling.baked_groups(layout);
     let errors = piece_errors(scene, layout);
     for placement in &layout.placements {
         let error = errors[placement.group as usize] * stretch(placement);
         settled.error = settled.error.max(error);
-        settled.refused.extend(placement.instance.filter(|i| error > limits[i.0 as usize]));
+        settled.refused.extend(placement.instance.filter(|i| error > settling.limits[i.0 as usize]));
     }
-    settled.refused.sort_unstable();
-    settled.refused.dedup();
+    for list in [&mut settled.refused, &mut settled.bound] {
+        list.sort_unstable();
+        list.dedup();
+    }
     for placement in &mut layout.placements {
         if let Content::Baked { frame, .. } = &layout.groups[placement.group as usize].content {
             placement.transform = *frame;
@@ -68,21 +63,116 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: 
     settled
 }
 
-/// Stores a baked group relative to its centre if rounding would otherwise move a vertex too far; returns whether it
-/// does, and the resulting rounding errors.
-fn settle_group(scene: &Scene, content: &mut Content, limits: &[f64], max_error_ratio: f64) -> (bool, Rounded) {
-    let at_origin = rounded(scene, content, limits);
-    let Content::Baked { frame, geometries } = content else { return (false, at_origin) };
-    if at_origin.error == 0.0 {
-        return (false, at_origin);
+/// What [`settle`] works with.
+struct Settling<'a> {
+    scene: &'a Scene,
+    /// How far a corner of each instance may move, in world units.
+    limits: Vec<f64>,
+    max_error_ratio: f64,
+    refuse: Refuse,
+}
+
+impl Settling<'_> {
+    fn baked_groups(&self, layout: &mut Layout) -> Settled {
+        let of_group = |group: &Group| rounded(self.scene, &group.content, &self.limits);
+        let mut all: Vec<Rounded> = layout.groups.iter().map(of_group).collect();
+        let is_far: Vec<bool> = layout.groups.iter().zip(&all).map(|(g, r)| self.is_too_far(&g.content, r)).collect();
+        let mut settled = Settled::default();
+        let is_moved = |(group, far): (&Group, &bool)| *far || group.content.baked_frame() != DAffine3::IDENTITY;
+        if layout.groups.iter().zip(&is_far).any(is_moved) || seams::parts_from_what_stays(self.scene, layout) {
+            for class in seams::classes(self.scene, layout) {
+                self.settle_class(layout, &class, &is_far, &mut all, &mut settled);
+            }
+        }
+        for (group, rounded) in layout.groups.iter().zip(all) {
+            settled.error = settled.error.max(rounded.error);
+            match (&group.content, self.refuse) {
+                (Content::Baked { geometries, .. }, Refuse::Groups) if !rounded.refused.is_empty() => {
+                    let triangles = geometries.iter().flat_map(|g| &g.triangles);
+                    settled.refused.extend(triangles.map(|t| InstanceId(t.instance)));
+                }
+                _ => settled.refused.extend(rounded.refused),
+            }
+        }
+        settled
     }
-    let bounds = bounds(scene, geometries);
-    let is_too_far = at_origin.error > max_error_ratio * bounds.diagonal() || !at_origin.refused.is_empty();
-    if !is_too_far {
-        return (false, at_origin);
+
+    /// Whether rounding moves a vertex of a baked group too far that is stored about the origin of the world.
+    fn is_too_far(&self, content: &Content, rounded: &Rounded) -> bool {
+        let Content::Baked { geometries, .. } = content else { return false };
+        let share = || self.max_error_ratio * bounds(self.scene, geometries).diagonal();
+        rounded.error > 0.0 && (!rounded.refused.is_empty() || rounded.error > share())
     }
-    frame.translation = bounds.stored_center();
-    (true, rounded(scene, content, limits))
+
+    /// Gives the groups of a class one frame; `all` is what rounding does to each group of the layout.
+    fn settle_class(
+        &self,
+        layout: &mut Layout,
+        class: &Class,
+        is_far: &[bool],
+        all: &mut [Rounded],
+        settled: &mut Settled,
+    ) {
+        let groups = || class.groups.iter().map(|&g| g as usize);
+        settled.bound.extend(class.left.iter().flat_map(|left| bound_to(self.scene, layout, class, left)));
+        let is_fixed = class.left.contains(&DAffine3::IDENTITY);
+        let matrix3 = if is_fixed { DMat3::IDENTITY } else { common_rotation(self.scene, layout, class) };
+        let is_moved = !is_fixed && (matrix3 != DMat3::IDENTITY || groups().any(|g| is_far[g]));
+        let of_group = |g: usize| bounds(self.scene, layout.groups[g].content.baked_geometries());
+        let around = || groups().map(of_group).fold(Bounds::EMPTY, |all, b| all.union(&b));
+        let translation = if is_moved { around().stored_center() } else { DVec3::ZERO };
+        for g in groups() {
+            let content = &mut layout.groups[g].content;
+            let Content::Baked { frame, .. } = content else { continue };
+            let common = DAffine3 { matrix3, translation };
+            settled.centred += usize::from(is_far[g] && is_moved);
+            if *frame != common {
+                *frame = common;
+                all[g] = rounded(self.scene, content, &self.limits);
+            }
+        }
+    }
+}
+
+/// The baked instances of a class that the input places by the same transform as one beside them that stays. In the
+/// coordinates of the world both agree; in others the baked ones have to stay too.
+fn bound_to(scene: &Scene, layout: &Layout, class: &Class, left: &DAffine3) -> Vec<InstanceId> {
+    if *left == DAffine3::IDENTITY {
+        return Vec::new();
+    }
+    let geometries = class.groups.iter().flat_map(|&g| layout.groups[g as usize].content.baked_geometries());
+    let mut instances: Vec<u32> = geometries.flat_map(|g| &g.triangles).map(|at| at.instance).collect();
+    instances.dedup();
+    instances.retain(|&i| scene.instances[i as usize].transform == *left);
+    instances.into_iter().map(InstanceId).collect()
+}
+
+/// Triangles that tell which rotation fits a class best.
+const SAMPLE: usize = 1 << 12;
+
+/// Of the rotations that the groups of a class have, the one in which the boxes of a sample of their triangles are
+/// smallest; the first of equal ones.
+fn common_rotation(scene: &Scene, layout: &Layout, class: &Class) -> DMat3 {
+    let contents = || class.groups.iter().map(|&g| &layout.groups[g as usize].content);
+    let mut rotations: Vec<DMat3> = Vec::new();
+    for content in contents() {
+        let rotation = content.baked_frame().matrix3;
+        if !rotations.contains(&rotation) {
+            rotations.push(rotation);
+        }
+    }
+    if let [only] = rotations[..] {
+        return only;
+    }
+    let triangles = || contents().flat_map(Content::baked_geometries).flat_map(|g| &g.triangles);
+    let corners: Vec<[DVec3; 3]> =
+        triangles().step_by(triangles().count().div_ceil(SAMPLE)).map(|&at| scene.world_corners(at)).collect();
+    let area = |rotation: &DMat3| {
+        let into = rotation.transpose();
+        corners.iter().map(|c| Bounds::of(c.map(|p| into * p)).area()).sum::<f64>()
+    };
+    let areas = rotations.iter().map(|rotation| (area(rotation), *rotation));
+    areas.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(DMat3::IDENTITY, |(_, rotation)| rotation)
 }
 
 /// Returns how far a corner of an instance with this box may move; infinite if the box is a point, which has no shape

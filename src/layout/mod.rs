@@ -9,6 +9,7 @@ mod note;
 mod order;
 mod per_geometry;
 mod placed_trees;
+pub mod seams;
 pub mod store;
 mod stored;
 #[cfg(test)]
@@ -80,7 +81,17 @@ impl Content {
         if let Content::Piece { frame, .. } = self { *frame } else { DAffine3::IDENTITY }
     }
 
-    /// Returns the number of triangles of a group, regardless of how often it is placed.
+    /// World from group for what is baked; the identity for others.
+    pub fn baked_frame(&self) -> DAffine3 {
+        if let Content::Baked { frame, .. } = self { *frame } else { DAffine3::IDENTITY }
+    }
+
+    /// The geometries of what is baked; none for others.
+    pub fn baked_geometries(&self) -> &[GroupGeometry] {
+        if let Content::Baked { geometries, .. } = self { geometries } else { &[] }
+    }
+
+    /// Triangles of a group, counted once however often it is placed.
     pub fn triangle_count(&self, scene: &Scene) -> usize {
         match self {
             Content::Kept(mesh) => scene.meshes[mesh.0 as usize].triangle_count(),

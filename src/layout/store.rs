@@ -88,10 +88,8 @@ impl<'a> Store<'a> {
     pub fn corners_of(&self, at: TriangleRef) -> [DVec3; 3] {
         let origin = self.origin(at);
         let corners = self.scene.meshes[origin.mesh.0 as usize].corners(origin.triangle).map(|p| p.as_dvec3());
-        match self.group_from_mesh(&origin) {
-            Some(into) => corners.map(|p| into.transform_point3(p)),
-            None => corners,
-        }
+        let way = self.way(&origin);
+        corners.map(|p| way.take(p))
     }
 
     /// Returns the box of each triangle, in the coordinates of the group.
@@ -153,25 +151,43 @@ impl<'a> Store<'a> {
         }
     }
 
-    /// Returns the transform from a triangle's source into the group; `None` if positions are unchanged.
-    fn group_from_mesh(&self, origin: &Origin) -> Option<DAffine3> {
-        let transform = match self.content {
-            Content::Baked { .. } => self.into * origin.transform,
-            Content::Kept(_) | Content::Piece { .. } => self.into,
+    /// Returns the way from a triangle's source into the group.
+    fn way(&self, origin: &Origin) -> Way {
+        let [world_from_mesh, group_from_world] = match self.content {
+            Content::Baked { .. } => [origin.transform, self.into],
+            Content::Kept(_) | Content::Piece { .. } => [DAffine3::IDENTITY, self.into],
         };
-        (transform != DAffine3::IDENTITY).then_some(transform)
+        Way([world_from_mesh, group_from_world].map(|step| (step != DAffine3::IDENTITY).then_some(step)))
     }
 
     fn part(&self, instance: Option<u32>, origin: &Origin, geometry: usize) -> Part<'a> {
-        let group_from_mesh = self.group_from_mesh(origin);
+        let way = self.way(origin);
+        let group_from_mesh = way.transform();
         Part {
             instance,
             mesh: origin.mesh,
             number: geometry,
             geometry: &self.scene.meshes[origin.mesh.0 as usize].geometries[geometry],
+            way,
             group_from_mesh,
             mirrored: group_from_mesh.is_some_and(|t| t.matrix3.determinant() < 0.0),
         }
+    }
+}
+
+/// The way from a mesh into a group, by the world. Two steps, not one product: positions that are equal in the world are
+/// stored equal, whatever instances they come from.
+#[derive(Clone, Copy)]
+struct Way([Option<DAffine3>; 2]);
+
+impl Way {
+    fn take(&self, position: DVec3) -> DVec3 {
+        self.0.iter().flatten().fold(position, |p, step| step.transform_point3(p))
+    }
+
+    /// Returns the product of both steps; `None` if positions are unchanged.
+    fn transform(&self) -> Option<DAffine3> {
+        self.0.iter().flatten().copied().reduce(|first, then| then * first)
     }
 }
 
@@ -211,6 +227,7 @@ pub struct Part<'a> {
     pub number: usize,
     /// The geometry.
     pub geometry: &'a Geometry,
+    way: Way,
     /// Group from mesh; `None` if positions are unchanged.
     pub group_from_mesh: Option<DAffine3>,
     /// Whether `group_from_mesh` reverses handedness.
@@ -220,8 +237,7 @@ pub struct Part<'a> {
 impl Part<'_> {
     /// Returns the position of a vertex in the group, before rounding.
     pub fn exact(&self, vertex: u32) -> DVec3 {
-        let position = self.geometry.positions[vertex as usize].as_dvec3();
-        self.group_from_mesh.map_or(position, |into| into.transform_point3(position))
+        self.way.take(self.geometry.positions[vertex as usize].as_dvec3())
     }
 
     /// Returns the stored position of a vertex: computed in double precision and rounded once.

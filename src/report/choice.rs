@@ -214,5 +214,6 @@ fn words_of(pinned: Pinned) -> &'static str {
         Pinned::UnknownExtension => "it has an extension that is not known",
         Pinned::Singular => "its transform is singular",
         Pinned::Precision => "written out, its vertices would move too far",
+        Pinned::Seam => "an instance that stays continues its surface",
     }
 }

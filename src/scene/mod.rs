@@ -148,6 +148,8 @@ pub enum Pinned {
     Singular,
     /// Writing its triangles out would exceed the maximum position error.
     Precision,
+    /// It shares corners with an instance that stays, placed by the same transform: written out, it would part from it.
+    Seam,
 }
 
 /// A material, as far as it matters for tracing.

@@ -150,8 +150,11 @@ pub(super) fn own_frames(
     by: &Turning,
     known: impl Fn(usize) -> Option<Option<Own>> + Sync,
 ) -> OwnFrames {
+    let is_closed = soup.components.closed_nodes(tree);
     let find = |refit: &mut Refit, node: usize| {
-        facts[node].could_be_turned(by).then(|| own_frame(soup, tree, node as u32, base, refit)).flatten()
+        (is_closed[node] && facts[node].could_be_turned(by))
+            .then(|| own_frame(soup, tree, node as u32, base, refit))
+            .flatten()
     };
     let try_node = |refit: &mut Refit, node: usize| known(node).unwrap_or_else(|| find(refit, node)).map(Box::new);
     (0..tree.nodes.len()).into_par_iter().with_max_len(64).map_init(Refit::default, try_node).collect()

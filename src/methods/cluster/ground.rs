@@ -4,6 +4,8 @@ use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 
+use rustc_hash::FxHashSet;
+
 use super::dynamic_programming::{self, Group, Known};
 use super::facts::{self, Facts, OwnFrames, Turning};
 use super::met::MetAreas;
@@ -54,10 +56,15 @@ struct Parts {
 const SAMPLE: usize = 1 << 14;
 
 impl ClusterInput {
-    /// Collects the triangles of some objects; `turns` says whether to search for frames. `None` if the box of a
-    /// triangle is too large for a tree.
-    pub(super) fn new(scene: &Scene, objects: &[Object], turns: bool, turning: Turning) -> Option<ClusterInput> {
-        let soup = Soup::new(scene, objects);
+    /// Collects the triangles of some objects. `outside`: as in [`Soup::new`]; `None` if frames are not searched for.
+    /// Returns `None` if the box of a triangle is too large for a tree.
+    pub(super) fn new(
+        scene: &Scene,
+        objects: &[Object],
+        outside: Option<&FxHashSet<u64>>,
+        turning: Turning,
+    ) -> Option<ClusterInput> {
+        let (soup, turns) = (Soup::new(scene, objects, outside), outside.is_some());
         let tree_in =
             |frame: &Turned| Tree::build_from(soup.len(), Quality::Medium, &|triangle| soup.bounds_in(frame, triangle));
         let tree = tree_in(&Turned::NOT);

@@ -181,7 +181,7 @@ mod tests {
         builder.object("far", 0, row(glam::Vec3::X * 100.0, 4));
         let scene: Scene = builder.scene();
         let objects: Vec<Object> = objects(&scene, [0, 1].map(InstanceId));
-        let soup = Soup::new(&scene, &objects);
+        let soup = Soup::new(&scene, &objects, None);
         let tree = Tree::build_from(soup.len(), Quality::Medium, &|t| soup.bounds_in(&Turned::NOT, t));
         let facts = facts(&soup, &tree, &Turned::NOT);
         Known { soup, tree, facts }

@@ -20,14 +20,15 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use glam::DAffine3;
+use rustc_hash::FxHashSet;
 
 use crate::cost::sah::TRAVERSAL;
 use crate::layout::builder::{Builder, Geometries, Object, group_name, objects};
-use crate::layout::{Layout, PlacedTrees};
+use crate::layout::{Layout, PlacedTrees, seams};
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::parts::{Part, bake_part, parts};
 use crate::methods::{ClusterOptions, InstanceOptions, Options, PartOptions, single};
-use crate::scene::{Bounds, InstanceId, Scene};
+use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 use dynamic_programming::Group;
 use facts::Turning;
 use ground::ClusterInput;
@@ -115,7 +116,13 @@ impl Default for Cache {
 }
 
 /// The inputs that a [`ClusterInput`] depends on.
-type Key = (Vec<Object>, bool, u32);
+#[derive(PartialEq)]
+struct Key {
+    objects: Vec<Object>,
+    /// The keys of corners that others share; `None` if frames are not searched for.
+    outside: Option<FxHashSet<u64>>,
+    min_turned: u32,
+}
 
 impl Cache {
     /// Creates a cache for runs with only these options; it skips searches that could pay off in none of them.
@@ -132,14 +139,13 @@ impl Cache {
         }
     }
 
-    fn ground(&mut self, scene: &Scene, objects: &[Object], turns: bool, min_turned: u32) -> Option<Rc<ClusterInput>> {
-        let serves = |key: &Key| (&*key.0, key.1, key.2) == (objects, turns, min_turned);
-        if !self.last.as_ref().is_some_and(|(key, _)| serves(key)) {
+    fn ground(&mut self, scene: &Scene, key: Key) -> Option<Rc<ClusterInput>> {
+        if !self.last.as_ref().is_some_and(|(last, _)| *last == key) {
             // Drop the old input first, because both together may not fit in memory.
             self.retire();
-            let turning = Turning { fewest: min_turned, least_entry: self.least_entry };
-            let ground = ClusterInput::new(scene, objects, turns, turning).map(Rc::new);
-            self.last = Some(((objects.to_vec(), turns, min_turned), ground));
+            let turning = Turning { fewest: key.min_turned, least_entry: self.least_entry };
+            let ground = ClusterInput::new(scene, &key.objects, key.outside.as_ref(), turning).map(Rc::new);
+            self.last = Some((key, ground));
         }
         self.last.as_ref().and_then(|(_, ground)| ground.clone())
     }
@@ -219,8 +225,9 @@ impl Clustering<'_> {
             bake.place_left(&mut layout);
             let baked: Vec<InstanceId> = bake.baked().collect();
             let parts = parts(self.scene, &baked, self.parts);
+            let outside = self.instances.frames.then(|| self.shared(&parts, &baked));
             for part in &parts {
-                match (self.groups(part, &mut cache.borrow_mut()), parts.len()) {
+                match (self.groups(part, outside.clone(), &mut cache.borrow_mut()), parts.len()) {
                     (Some((ground, groups)), _) => {
                         push(self.scene, &part.objects, &ground.soup, &groups, &mut layout);
                     }
@@ -232,11 +239,30 @@ impl Clustering<'_> {
         })
     }
 
+    /// Returns the keys of the corners that several parts share, or a part and an instance that stays, which the input
+    /// places by the same transform.
+    fn shared(&self, parts: &[Part], baked: &[InstanceId]) -> FxHashSet<u64> {
+        let of_objects = |objects: &[Object]| objects.iter().flat_map(|object| object.triangles(self.scene)).collect();
+        let left = seams::left_beside(self.scene, baked);
+        if parts.len() == 1 && left.is_empty() {
+            return FxHashSet::default();
+        }
+        let parts = parts.iter().map(|part| of_objects(&part.objects));
+        let sets: Vec<Vec<TriangleRef>> = parts.chain([of_objects(&objects(self.scene, left))]).collect();
+        seams::shared_keys(self.scene, &sets)
+    }
+
     /// Returns the groups of a part and the input they were found in; `None` if the part stays whole, along the world
     /// axes.
-    fn groups(&self, part: &Part, cache: &mut Cache) -> Option<(Rc<ClusterInput>, Vec<Group>)> {
+    fn groups(
+        &self,
+        part: &Part,
+        outside: Option<FxHashSet<u64>>,
+        cache: &mut Cache,
+    ) -> Option<(Rc<ClusterInput>, Vec<Group>)> {
+        let objects = part.objects.clone();
         let ground =
-            cache.ground(self.scene, &part.objects, self.instances.frames, self.options.min_turned_triangles)?;
+            cache.ground(self.scene, Key { objects, outside, min_turned: self.options.min_turned_triangles })?;
         let segments = self.options.search.segments.as_ref().filter(|segments| !segments.is_empty());
         let groups = ground.cut(&Limits::of(self.options, self.purpose, ground.extent()), segments);
         let is_whole = groups.is_empty() || (groups.len() == 1 && groups[0].frame == Turned::NOT);

@@ -181,10 +181,18 @@ impl Search<'_> {
         }
         let apart = self.cost(&large.fit) + self.cost(&small.fit);
         let frame = large.group.frame;
+        if !self.may_change_frame(&small.group.items, &small.group.frame, &frame) {
+            return None;
+        }
         let known = if small.group.frame == frame { small.fit } else { self.fit(&small.group.items, &frame) };
         let with = with(large, &known)?;
         let gain = apart - self.cost(&with);
         (gain > WORTH * apart).then_some((with, gain))
+    }
+
+    /// Whether some triangles may be stored in another frame: only whole components, or seams would open.
+    fn may_change_frame(&self, items: &[u32], from: &Turned, to: &Turned) -> bool {
+        from == to || self.soup.components.are_closed(items)
     }
 
     /// Moves parts that make a group's box large into neighbours; returns whether there were any.
@@ -214,6 +222,9 @@ impl Search<'_> {
             for to in (at.saturating_sub(NEIGHBOURS)..members.len().min(at + 1 + NEIGHBOURS)).filter(|&to| to != at) {
                 let home = &members[to];
                 if TRAVERSAL * home.fit.bounds.area() >= saved || !home.fit.world.overlaps(&part.world) {
+                    continue;
+                }
+                if !self.may_change_frame(&part.items, &member.group.frame, &home.group.frame) {
                     continue;
                 }
                 let Some(with) = with(home, &self.fit(&part.items, &home.group.frame)) else { continue };
@@ -298,6 +309,7 @@ fn with(member: &Member, more: &Fit) -> Option<Fit> {
 #[cfg(test)]
 mod tests {
     use glam::{DMat3, DVec3, Vec3};
+    use rustc_hash::FxHashSet;
 
     use super::*;
     use crate::layout::builder::objects;
@@ -316,7 +328,7 @@ mod tests {
         at.iter().for_each(|&at| builder.object("pile", 0, pile(at)));
         let scene = builder.scene();
         let all: Vec<_> = (0..at.len() as u32).map(InstanceId).collect();
-        Soup::new(&scene, &objects(&scene, all))
+        Soup::new(&scene, &objects(&scene, all), Some(&FxHashSet::default()))
     }
 
     fn limits(entry_cost: f64) -> Limits {

@@ -2,8 +2,10 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
+use rustc_hash::FxHashSet;
 
 use crate::layout::builder::Object;
+use crate::layout::seams::{Components, corner_keys};
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Scene, TriangleRef};
 
@@ -18,16 +20,20 @@ pub(super) struct Soup {
     unit: f64,
     /// The first triangle of each object, followed by the number of all triangles.
     pub(super) objects: Vec<u32>,
+    /// The connected components of the triangles; of none unless parts may have frames of their own.
+    pub(super) components: Components,
 }
 
 impl Soup {
-    /// Collects the triangles of some objects, in their order.
-    pub(super) fn new(scene: &Scene, objects: &[Object]) -> Soup {
+    /// Collects the triangles of some objects, in their order. If parts of them may have frames of their own, `outside`
+    /// holds the keys of the corners that others share with them (see [`crate::layout::seams`]).
+    pub(super) fn new(scene: &Scene, objects: &[Object], outside: Option<&FxHashSet<u64>>) -> Soup {
         let bounds = scene.bounds();
         let (middle, unit) = (bounds.center(), 2.0 / bounds.diagonal());
         let unit = if unit.is_finite() { unit } else { 1.0 };
         let count = objects.iter().map(|object| object.geometry(scene).triangles.len()).sum();
-        let mut soup = Soup { refs: Vec::with_capacity(count), corners: Vec::new(), middle, unit, objects: vec![0] };
+        let (refs, components) = (Vec::with_capacity(count), Components::default());
+        let mut soup = Soup { refs, corners: Vec::new(), middle, unit, objects: vec![0], components };
         for object in objects {
             soup.refs.extend(object.triangles(scene));
             soup.objects.push(soup.refs.len() as u32);
@@ -35,6 +41,11 @@ impl Soup {
         let seen = |p: DVec3| ((p - middle) * unit).as_vec3();
         soup.corners =
             soup.refs.par_iter().with_min_len(CHEAP_ELEMENTS).map(|&at| scene.world_corners(at).map(seen)).collect();
+        if let Some(outside) = outside {
+            let refs = soup.refs.par_iter().with_min_len(CHEAP_ELEMENTS);
+            let keys: Vec<[u64; 3]> = refs.map(|&at| corner_keys(scene, at)).collect();
+            soup.components = Components::of(&keys, outside);
+        }
         soup
     }
 
@@ -46,11 +57,6 @@ impl Soup {
     /// Returns the corners of a triangle.
     pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         self.corners[triangle as usize].map(|p| p.as_dvec3())
-    }
-
-    /// Returns the corners as stored, to check whether two triangles share one.
-    pub(super) fn stored(&self, triangle: u32) -> &[Vec3; 3] {
-        &self.corners[triangle as usize]
     }
 
     /// Returns the transform from world space to the soup's coordinates in a frame.

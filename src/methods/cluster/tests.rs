@@ -178,7 +178,12 @@ fn crossing_strands_leave_one_by_one() {
     let mut builder = SceneBuilder::default();
     for i in 0..40 {
         let angle = 0.15 + 0.07 * f64::from(i);
-        let strand = slab(DVec3::ZERO, DVec3::new(40.0, 0.02, 1.0), 8, turned([0.3 * angle, 0.9 * angle, angle]));
+        let strand = slab(
+            DVec3::Z * 1e-3 * f64::from(i),
+            DVec3::new(40.0, 0.02, 1.0),
+            8,
+            turned([0.3 * angle, 0.9 * angle, angle]),
+        );
         builder.object("strand", 0, strand);
     }
     let scene = builder.scene();

@@ -16,8 +16,8 @@ use super::tally::Counted;
 use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
 use crate::cost::overlap;
 use crate::cost::segments::{self, Boxed, Segment};
-use crate::layout::Layout;
 use crate::layout::builder::Part;
+use crate::layout::{Layout, seams};
 use crate::methods::InstanceOptions;
 use crate::scene::{InstanceId, MeshId, Scene};
 use crate::tree::Quality;
@@ -139,10 +139,11 @@ impl Candidates {
         let segments = segments::sample(scene, &trees, count);
         let most_boxes = (MOST_BOXES / self.meshes.len()).clamp(1, MOST_BOXES_A_MESH);
         let has_base = self.base_triangles > 0;
+        let touching = if options.frames { seams::touching(scene) } else { vec![false; scene.instances.len()] };
         for candidate in &mut self.meshes {
             let tree = std::mem::take(&mut trees[candidate.id.0 as usize]);
             let pinned = (uses[candidate.id.0 as usize] - candidate.instances.len()) as u64;
-            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, options) else {
+            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, &touching, options) else {
                 continue;
             };
             if found.mesh.tally.met >= FEWEST_MET {
@@ -212,6 +213,7 @@ fn look_at(
     pinned: u64,
     segments: &[Segment],
     most_boxes: usize,
+    touching: &[bool],
     options: &InstanceOptions,
 ) -> Option<LookedAt> {
     let mesh = &scene.meshes[candidate.id.0 as usize];
@@ -226,8 +228,10 @@ fn look_at(
     let opened = if mesh.triangle_count() < FEWEST_TRIANGLES {
         Vec::new()
     } else {
-        // The transforms of a node's copies apply between its mesh and the node, so that no frame can be added.
-        let turns = !candidate.instances.iter().any(|i| scene.is_copied(scene.instances[i.0 as usize].node));
+        // The transforms of a node's copies apply between its mesh and the node, so that no frame can be added; what
+        // shares corners with a neighbour would part from it.
+        let is_bound = |i: &InstanceId| touching[i.0 as usize] || scene.is_copied(scene.instances[i.0 as usize].node);
+        let turns = !candidate.instances.iter().any(is_bound);
         pieces::levels(mesh, &tree, finest, turns && options.frames, options.pieces)
     };
     let tally = Counted::new(scene, &candidate.instances, &tree, segments).tally(&cuts, &opened, most_boxes);

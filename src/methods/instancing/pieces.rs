@@ -8,6 +8,7 @@
 //! of rotated boxes; after every few joins, neighbours are redivided ([`super::improve`]). The instance undoes the
 //! frame of a piece, which costs no bytes.
 
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DMat3, DVec3};
@@ -16,6 +17,7 @@ use super::cut::Cuts;
 use super::improve::improve;
 use crate::cost::segments::Boxed;
 use crate::layout::builder::Part;
+use crate::layout::seams::Components;
 use crate::scene::{Bounds, Mesh};
 use crate::tree::Quality;
 
@@ -62,14 +64,55 @@ pub(super) fn levels(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: 
         None => PIECES.into_iter().rev().step_by(every).collect(),
     };
     let wanted: Vec<usize> = wanted.into_iter().filter(|&k| k <= most && (k > 1 || turns)).collect();
+    // Only whole components may turn: pieces of one component would part at their seams.
+    let components = Components::of_mesh(mesh);
+    let shaping = |improves: bool| Shaping { turns: turns && components.len() > 1, improves };
     let few: Vec<usize> = wanted.iter().copied().filter(|k| (2..=MOST_JOINED).contains(k)).collect();
-    let joined = [(&few, false), (&wanted, true)]
-        .map(|(wanted, improves)| joined(mesh, tree, wanted, Shaping { turns, improves }));
-    let pieces = |clusters: Vec<Cluster>| clusters.into_iter().map(|c| c.piece(mesh, turns)).collect();
+    let joined =
+        [(&few, false), (&wanted, true)].map(|(wanted, improves)| joined(mesh, tree, wanted, shaping(improves)));
+    let piece = |cluster: Cluster| {
+        let turns = turns && components.are_closed(&cluster.triangles);
+        cluster.piece(mesh, turns)
+    };
+    let whole = |clusters: Vec<Cluster>| match turns && components.len() > 1 {
+        true => with_whole_components(mesh, clusters, &components, shaping(false)),
+        false => clusters,
+    };
+    let pieces = |clusters: Vec<Cluster>| whole(clusters).into_iter().map(piece).collect();
     let mut levels: Vec<Vec<Piece>> = joined.into_iter().flatten().map(pieces).collect();
     levels.retain(|pieces| !matches!(pieces.as_slice(), [one] if one.part.frame == DAffine3::IDENTITY));
     levels.sort_by_key(Vec::len);
     levels
+}
+
+/// Moves each component to the cluster that holds most of it, the first of equal ones, unless it is larger than clusters
+/// are on average: what is divided among clusters cannot turn.
+fn with_whole_components(mesh: &Mesh, clusters: Vec<Cluster>, components: &Components, by: Shaping) -> Vec<Cluster> {
+    let mut held: BTreeMap<(u32, usize), usize> = BTreeMap::new();
+    for (at, cluster) in clusters.iter().enumerate() {
+        cluster.triangles.iter().for_each(|&t| *held.entry((components.component(t), at)).or_default() += 1);
+    }
+    let largest = mesh.triangle_count() / clusters.len().max(1);
+    let mut homes: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
+    for (&(component, at), &count) in &held {
+        let (home, most) = homes.entry(component).or_insert((at, 0));
+        if count > *most {
+            (*home, *most) = (at, count);
+        }
+    }
+    let mut triangles: Vec<Vec<u32>> = vec![Vec::new(); clusters.len()];
+    for (at, cluster) in clusters.iter().enumerate() {
+        for &t in &cluster.triangles {
+            let component = components.component(t);
+            let home = if components.size(component) <= largest { homes[&component].0 } else { at };
+            triangles[home].push(t);
+        }
+    }
+    let moved = |(cluster, triangles): (Cluster, Vec<u32>)| match triangles == cluster.triangles {
+        true => cluster,
+        false => Cluster::near(mesh, triangles, &[cluster.axes], by),
+    };
+    clusters.into_iter().zip(triangles).filter(|(_, triangles)| !triangles.is_empty()).map(moved).collect()
 }
 
 /// How to form clusters.
@@ -218,7 +261,8 @@ impl Cluster {
         self.triangles.sort_unstable();
         let corners: Vec<DVec3> = self.triangles.iter().flat_map(|&t| mesh.corners(t)).map(|p| p.as_dvec3()).collect();
         let along = Bounds::of(corners.iter().copied());
-        let axes = if turns { refined(&self.points, self.axes) } else { DMat3::IDENTITY };
+        let axes =
+            if turns { refined(&self.points, best_axes(&self.points, &[self.axes], true).1) } else { DMat3::IDENTITY };
         // The rows of a rotation are the columns of its inverse.
         let rotation = DMat3::from_cols_array(&axes.transpose().to_cols_array().map(|c| f64::from(c as f32)));
         let into = DAffine3::from_mat3(rotation).inverse();
