@@ -15,6 +15,8 @@ mod passes;
 pub mod plans;
 mod refine;
 mod segments;
+#[cfg(test)]
+mod tests_of_seams;
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -22,8 +22,6 @@ mod precision;
 mod tests;
 #[cfg(test)]
 mod tests_of_copies;
-#[cfg(test)]
-mod tests_of_seams;
 
 pub use instancing::{Copied, Instancing};
 pub use precision::{Refuse, Settled, settle};

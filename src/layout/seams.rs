@@ -134,11 +134,16 @@ impl Components {
         self.sizes.len()
     }
 
-    /// The triangles of every component that may have a frame of its own, in the order of their first triangles.
-    pub(crate) fn free(&self) -> Vec<Vec<u32>> {
+    /// The triangles of every component, in the order of their first triangles.
+    pub(crate) fn all(&self) -> Vec<Vec<u32>> {
         let mut all: Vec<Vec<u32>> = self.sizes.iter().map(|&size| Vec::with_capacity(size as usize)).collect();
         (0..).zip(&self.of).for_each(|(t, &component)| all[component as usize].push(t));
-        let free = all.into_iter().zip(&self.is_bound).filter(|(_, bound)| !**bound);
+        all
+    }
+
+    /// Those of [`Components::all`] that may have a frame of their own.
+    pub(crate) fn free(&self) -> Vec<Vec<u32>> {
+        let free = self.all().into_iter().zip(&self.is_bound).filter(|(_, bound)| !**bound);
         free.map(|(triangles, _)| triangles).collect()
     }
 

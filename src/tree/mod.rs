@@ -7,6 +7,7 @@
 
 mod clustering;
 mod divide;
+mod graft;
 mod retain;
 
 use glam::{DVec3, Vec3A};

@@ -162,7 +162,8 @@ fn decide(known: &Known, limits: &Limits) -> Vec<Decision> {
         let stays = children.map_or(fact.inside, |[a, b]| TRAVERSAL * fact.area + a.inside + b.inside);
         let allowed = limits.allow(fact.triangles, fact.extent);
         let own = known.own[at].as_deref().filter(|_| allowed && fact.triangles >= limits.min_turned);
-        let leaves = own.map_or(f64::INFINITY, |own| limits.leaving_cost() * own.loose + own.inside);
+        let price = |own: &Own| own.price(limits.leaving_cost(), fact.triangles, limits.fewest_per_length());
+        let leaves = own.map_or(f64::INFINITY, price);
         // A leaf cannot be divided, so it may be a group whatever its size.
         let group = if allowed || children.is_none() { limits.entry_cost * fact.loose + stays } else { f64::INFINITY };
         let may_divide = limits.divide || !allowed;

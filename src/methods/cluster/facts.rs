@@ -19,6 +19,9 @@ const FEWEST_TURNED: u32 = 8;
 /// Another frame is tried only if the boxes of a part's triangles are this many times as large as the tightest ones.
 const LOOSE: f64 = 1.25;
 
+/// Smallest share of the cost of entering a part that is left after it was divided along its length.
+const WORTH_DIVIDING: f64 = 0.25;
+
 /// Number of triangles sampled to decide whether a frame fits.
 const SAMPLE: usize = 48;
 
@@ -51,6 +54,29 @@ pub(super) struct Own {
     pub(super) inside: f64,
     /// Surface area of the world box of its box.
     pub(super) loose: f64,
+    /// Its box in that frame.
+    pub(super) bounds: Bounds,
+}
+
+/// Equal lengths that a part with a frame of its own may be divided into.
+const LENGTHS: [u32; 6] = [1, 2, 4, 8, 16, 32];
+
+impl Own {
+    /// Returns the cost of the part in its frame, divided along its longest side into as many groups as pay: the world
+    /// boxes of long parts that lie diagonally are large. Groups have at least `fewest` of its `triangles`.
+    pub(super) fn price(&self, leaving_cost: f64, triangles: u32, fewest: u32) -> f64 {
+        let whole = self.frame.out(&self.bounds).area();
+        let loose = |&lengths: &u32| {
+            let size = self.bounds.size();
+            let mut part = self.bounds;
+            let axis = if size.x == size.max_element() { 0 } else { 1 + usize::from(size.z > size.y) };
+            part.max[axis] = part.min[axis] + size[axis] / f64::from(lengths);
+            let share = f64::from(lengths) * self.frame.out(&part).area() / whole;
+            if share.is_finite() { share * self.loose } else { self.loose }
+        };
+        let allowed = LENGTHS.iter().filter(|&&lengths| lengths == 1 || triangles / lengths >= fewest.max(1));
+        allowed.map(loose).fold(f64::INFINITY, f64::min) * leaving_cost + self.inside
+    }
 }
 
 /// For each node of a tree, its own frame; `None` for most nodes.
@@ -123,11 +149,12 @@ impl Sums {
 
 impl Facts {
     /// Whether a separate frame could pay off: the world box of a rotated box is never smaller than that of the
-    /// triangles themselves, which gives a lower bound on the entry cost.
+    /// triangles themselves, which gives a lower bound on the entry cost; divided along its length, a diagonal part is
+    /// entered for [`WORTH_DIVIDING`] of that at least.
     fn could_be_turned(&self, by: &Turning) -> bool {
         (by.fewest.max(FEWEST_TURNED)..=MOST_TURNED).contains(&self.triangles)
             && self.looseness > LOOSE
-            && self.inside > (by.least_entry + TLAS_NODES * TRAVERSAL) * self.world_area
+            && self.inside > WORTH_DIVIDING * (by.least_entry + TLAS_NODES * TRAVERSAL) * self.world_area
     }
 }
 
@@ -164,7 +191,7 @@ fn own_frame(soup: &Soup, tree: &Tree, node: u32, base: &Turned, refit: &mut Ref
     let items = &tree.order[tree.items_below(node)];
     let tried = fitting_frames(soup, items, base).map(|frame| {
         let fitted = refit.part(tree, node, |t| soup.bounds_in(&frame, t));
-        Own { frame, inside: fitted.cost, loose: frame.out(&fitted.bounds).area() }
+        Own { frame, inside: fitted.cost, loose: frame.out(&fitted.bounds).area(), bounds: fitted.bounds }
     });
     tried.reduce(|a, b| if b.inside < a.inside { b } else { a })
 }

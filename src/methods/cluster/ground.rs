@@ -4,6 +4,7 @@ use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
 use super::dynamic_programming::{self, Group, Known};
@@ -18,7 +19,7 @@ use crate::cost::segments::Segment;
 use crate::layout::PlacedTrees;
 use crate::layout::builder::Object;
 use crate::methods::frames::{self, Search};
-use crate::scene::Scene;
+use crate::scene::{Bounds, Scene};
 use crate::tree::{Quality, Tree};
 
 /// Triangles, their tree in the frame that fits all of them best, and better frames for parts of it.
@@ -50,6 +51,15 @@ struct ByRays {
 struct Parts {
     own: OwnFrames,
     units: Vec<Unit>,
+    /// `None` if there is only one component.
+    by_components: Option<ByComponents>,
+}
+
+/// A tree in which every component has a node of its own, so that neighbours can get a common frame.
+struct ByComponents {
+    tree: Rc<Tree>,
+    facts: Vec<Facts>,
+    own: OwnFrames,
 }
 
 /// Number of triangles sampled to decide whether a frame may fit all.
@@ -103,8 +113,34 @@ impl ClusterInput {
         let find = || Parts {
             own: facts::own_frames(&self.soup, &self.tree, &self.facts, &self.base, &self.turning, |_| None),
             units: units::units(&self.soup, &self.tree, &self.facts, &self.base),
+            by_components: self.by_components(),
         };
         self.turns.then(|| self.parts.get_or_init(find))
+    }
+
+    /// Returns a tree over the components and their triangles.
+    fn by_components(&self) -> Option<ByComponents> {
+        let components = self.soup.components.all();
+        if components.len() < 2 {
+            return None;
+        }
+        let (soup, base) = (&self.soup, &self.base);
+        let bounds_of = |t: u32| soup.bounds_in(base, t);
+        let part = |items: &Vec<u32>| {
+            let mut part = Tree::build_from(items.len(), Quality::Fast, &|i| bounds_of(items[i as usize]));
+            part.order.iter_mut().for_each(|i| *i = items[*i as usize]);
+            part
+        };
+        let around = |items: &Vec<u32>| items.iter().fold(Bounds::EMPTY, |all, &t| all.union(&bounds_of(t)));
+        let boxes: Vec<Bounds> = components.par_iter().map(around).collect();
+        let upper = Tree::build_usable(&boxes, Quality::Instances);
+        if upper.order.len() < components.len() {
+            return None;
+        }
+        let tree = Tree::grafted(&upper, &components.par_iter().map(part).collect::<Vec<_>>());
+        let facts = facts::facts(&self.soup, &tree, &self.base);
+        let own = facts::own_frames(&self.soup, &tree, &facts, &self.base, &self.turning, |_| None);
+        Some(ByComponents { tree: Rc::new(tree), facts, own })
     }
 
     /// Returns the groups of least cost, of the whole tree or of what remains once units have left it. Costs are based
@@ -127,10 +163,18 @@ impl ClusterInput {
         let segments = segments.map_or(&[][..], |segments| segments);
         let without_units =
             parts.filter(|_| limits.units).and_then(|parts| self.cut_without_units(&parts.units, limits, segments));
-        let others = [without_units, peeled];
+        let by_components = parts.and_then(|parts| parts.by_components.as_ref()).map(|by| {
+            let known = Known { tree: &by.tree, facts: &by.facts, own: &by.own, base: self.base };
+            dynamic_programming::cut(&known, limits)
+        });
+        let others = [without_units, peeled, by_components];
         let all = others.into_iter().flatten();
         let (groups, _) = all.fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best });
-        let groups = if limits.improve { search::improve(&self.soup, groups, limits) } else { groups };
+        let groups = match (limits.improve, limits.divide) {
+            (true, _) => search::improve(&self.soup, groups, limits),
+            (false, true) => search::divide_turned(&self.soup, groups, &self.base, limits),
+            (false, false) => groups,
+        };
         in_bounds(groups, limits.max_triangles.max(1) as usize)
     }
 
@@ -142,7 +186,11 @@ impl ClusterInput {
             let parts = self.parts().map(|parts| {
                 let shares = units::shares(&self.soup, &self.tree, met.facts());
                 let units = met.units(&parts.units, &shares, &self.soup, segments);
-                Rc::new(Parts { own: met.own(&parts.own), units })
+                let by_components = parts.by_components.as_ref().map(|by| {
+                    let met = MetAreas::new(&self.soup, &by.tree, &by.facts, &self.base, segments);
+                    ByComponents { tree: by.tree.clone(), own: met.own(&by.own), facts: met.into_facts() }
+                });
+                Rc::new(Parts { own: met.own(&parts.own), units, by_components })
             });
             ByRays { segments: segments.clone(), facts: met.into_facts().into(), parts }
         });
@@ -153,7 +201,8 @@ impl ClusterInput {
     /// Returns the groups and their cost if each unit leaves for which that is cheaper; `None` if there is no such
     /// unit.
     fn cut_without_units(&self, units: &[Unit], limits: &Limits, segments: &[Segment]) -> Option<(Vec<Group>, f64)> {
-        let price = |unit: &Unit| limits.leaving_cost() * unit.own.loose + unit.own.inside;
+        let price =
+            |unit: &Unit| unit.own.price(limits.leaving_cost(), unit.items.len() as u32, limits.fewest_per_length());
         let is_large = |unit: &Unit| unit.items.len() >= limits.min_turned as usize;
         let is_allowed = |unit: &Unit| is_large(unit) && limits.allow(unit.items.len() as u32, unit.extent());
         let leaving: Vec<&Unit> = units.iter().filter(|u| is_allowed(u) && price(u) < u.share).collect();

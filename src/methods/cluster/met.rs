@@ -236,7 +236,8 @@ mod tests {
         let up = Segment::new(DVec3::new(0.3, 0.3, -1.0), DVec3::Z, 2.0);
         let met = met(&known, &[up; 100]);
         let mut own = vec![None; known.facts.len()];
-        let half = Own { frame: Turned::NOT, inside: 0.5 * known.facts[near].inside, loose: known.facts[near].loose };
+        let (inside, loose) = (0.5 * known.facts[near].inside, known.facts[near].loose);
+        let half = Own { frame: Turned::NOT, inside, loose, bounds: Bounds::EMPTY };
         own[near] = Some(Box::new(half));
         let found = met.own(&own)[near].take().expect("there was one");
         assert!((found.inside / met.facts()[near].inside - 0.5).abs() < 1e-12);
@@ -253,7 +254,7 @@ mod tests {
             Bounds::of([DVec3::new(from, 0.0, 0.0), DVec3::new(to, 1.0, 0.0)].map(|p| seen.transform_point3(p)))
         };
         let unit = |items: std::ops::Range<u32>, world: Bounds| Unit {
-            own: Own { frame: Turned::NOT, inside: 1.0, loose: world.area() },
+            own: Own { frame: Turned::NOT, inside: 1.0, loose: world.area(), bounds: world },
             share: 1.0,
             items: items.collect(),
             world,

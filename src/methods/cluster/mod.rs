@@ -91,6 +91,11 @@ impl Limits {
         self.entry_cost + TLAS_NODES * TRAVERSAL
     }
 
+    /// The fewest triangles of a group that is a length of a part with its own frame.
+    fn fewest_per_length(&self) -> u32 {
+        if self.divide { self.min_turned } else { u32::MAX }
+    }
+
     fn allow(&self, triangles: u32, extent: f64) -> bool {
         triangles <= self.max_triangles && extent <= self.max_extent
     }

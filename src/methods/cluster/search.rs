@@ -63,6 +63,16 @@ struct Search<'a> {
     limits: &'a Limits,
 }
 
+/// Divides groups in frames of their own as far as that costs less.
+pub(super) fn divide_turned(soup: &Soup, groups: Vec<Group>, base: &Turned, limits: &Limits) -> Vec<Group> {
+    let search = Search { soup, limits };
+    let divided = |group: Group| match group.frame == *base {
+        true => vec![group],
+        false => search.divide(search.member(group)).into_iter().map(|member| member.group).collect(),
+    };
+    groups.into_par_iter().flat_map_iter(divided).collect()
+}
+
 /// Returns groups that cost no more than those given, measured by the areas of boxes.
 pub(super) fn improve(soup: &Soup, groups: Vec<Group>, limits: &Limits) -> Vec<Group> {
     let search = Search { soup, limits };

@@ -76,7 +76,7 @@ fn own_frame(soup: &Soup, items: Vec<u32>, base: &Turned) -> Option<(Vec<u32>, O
         let mut tree = Tree::build(&boxes, Quality::Fast);
         let fitted = Refit::default().part(&tree, 0, |i| boxes[i as usize]);
         tree.order.iter_mut().for_each(|i| *i = items[*i as usize]);
-        (tree.order, Own { frame, inside: fitted.cost, loose: frame.out(&fitted.bounds).area() })
+        (tree.order, Own { frame, inside: fitted.cost, loose: frame.out(&fitted.bounds).area(), bounds: fitted.bounds })
     });
     tried.reduce(|a, b| if b.1.inside < a.1.inside { b } else { a })
 }

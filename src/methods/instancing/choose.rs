@@ -143,7 +143,13 @@ impl Candidates {
         for candidate in &mut self.meshes {
             let tree = std::mem::take(&mut trees[candidate.id.0 as usize]);
             let pinned = (uses[candidate.id.0 as usize] - candidate.instances.len()) as u64;
-            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, &touching, options) else {
+            // The transforms of a node's copies apply between its mesh and the node, so that no frame can be added; what
+            // shares corners with a neighbour would part from it.
+            let is_bound =
+                |i: &InstanceId| touching[i.0 as usize] || scene.is_copied(scene.instances[i.0 as usize].node);
+            let frames = options.frames && !candidate.instances.iter().any(is_bound);
+            let options = InstanceOptions { frames, ..options.clone() };
+            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, &options) else {
                 continue;
             };
             if found.mesh.tally.met >= FEWEST_MET {
@@ -213,7 +219,6 @@ fn look_at(
     pinned: u64,
     segments: &[Segment],
     most_boxes: usize,
-    touching: &[bool],
     options: &InstanceOptions,
 ) -> Option<LookedAt> {
     let mesh = &scene.meshes[candidate.id.0 as usize];
@@ -228,11 +233,7 @@ fn look_at(
     let opened = if mesh.triangle_count() < FEWEST_TRIANGLES {
         Vec::new()
     } else {
-        // The transforms of a node's copies apply between its mesh and the node, so that no frame can be added; what
-        // shares corners with a neighbour would part from it.
-        let is_bound = |i: &InstanceId| touching[i.0 as usize] || scene.is_copied(scene.instances[i.0 as usize].node);
-        let turns = !candidate.instances.iter().any(is_bound);
-        pieces::levels(mesh, &tree, finest, turns && options.frames, options.pieces)
+        pieces::levels(mesh, &tree, finest, options.frames, options.pieces)
     };
     let tally = Counted::new(scene, &candidate.instances, &tree, segments).tally(&cuts, &opened, most_boxes);
     let triangles = mesh.triangle_count() as u64;

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use glam::{DAffine3, DMat3, DVec3, EulerRot, Vec3};
 use proptest::prelude::*;
 
-use crate::choose::lay_out;
-use crate::choose::plans::Plan;
+use super::candidate::lay_out;
+use super::plans::Plan;
 use crate::layout::seams::position_key;
 use crate::layout::store::Store;
 use crate::layout::test_scenes::*;
@@ -68,7 +68,7 @@ fn turning(entry_cost: f64) -> Vec<(Method, Options)> {
     for shared in [Instances::BakeOrKeep, Instances::Choose] {
         all.extend(Method::ALL.map(|method| (method, base(shared))));
         let whole = SingleOptions { turned: true, ..SingleOptions::default() };
-        all.push((Method::Single, Options { single: whole.clone(), ..base(shared) }));
+        all.push((Method::Single, Options { single: whole, ..base(shared) }));
         all.push((Method::Single, Options { single: whole, parts: apart, ..base(shared) }));
         all.push((Method::Cluster, Options { parts: apart, ..base(shared) }));
         let bounded = ClusterOptions { max_group_triangles: Some(40), ..ClusterOptions::default() };
