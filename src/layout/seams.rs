@@ -309,3 +309,74 @@ pub(crate) fn touching(scene: &Scene) -> Vec<bool> {
     }
     touching
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::layout::test_scenes::*;
+    use crate::scene::Bounds;
+    use crate::tree::Quality;
+
+    /// Strips of so many triangles each, in which neighbours share an edge, one above the other.
+    fn strips(counts: &[usize]) -> Vec<[Vec3; 3]> {
+        let corner = |y: f32, i: usize| Vec3::new((i / 2) as f32, y + (i % 2) as f32, 0.0);
+        let strip = |(row, &count): (usize, &usize)| {
+            let y = 10.0 * row as f32;
+            (0..count).map(|i| [0, 1, 2].map(|k| corner(y, i + k))).collect::<Vec<_>>()
+        };
+        counts.iter().enumerate().flat_map(strip).collect()
+    }
+
+    fn keys(triangles: &[[Vec3; 3]]) -> Vec<[u64; 3]> {
+        triangles.iter().map(|corners| corners.map(|p| position_key(p.as_dvec3()))).collect()
+    }
+
+    #[test]
+    fn both_zeros_are_one_position_and_neighbours_are_not() {
+        assert_eq!(position_key(DVec3::new(0.0, 1.0, 2.0)), position_key(DVec3::new(-0.0, 1.0, 2.0)));
+        assert_ne!(position_key(DVec3::new(1.0, 2.0, 3.0)), position_key(DVec3::new(1.0 + f64::EPSILON, 2.0, 3.0)));
+        assert_ne!(position_key(DVec3::new(1.0, 2.0, 3.0)), position_key(DVec3::new(2.0, 1.0, 3.0)));
+    }
+
+    #[test]
+    fn only_whole_components_are_closed() {
+        let triangles = strips(&[3, 5, 2]);
+        let none = FxHashSet::default();
+        let components = Components::of(&keys(&triangles), &none);
+        assert_eq!(components.all(), [vec![0, 1, 2], vec![3, 4, 5, 6, 7], vec![8, 9]]);
+        assert!(components.are_closed(&[9, 2, 8, 0, 1]) && components.are_closed(&[]));
+        assert!(!components.are_closed(&[3, 4, 5, 6]) && !components.are_closed(&[0, 1, 2, 9]));
+        let outside = FxHashSet::from_iter([position_key(triangles[4][0].as_dvec3())]);
+        let bound = Components::of(&keys(&triangles), &outside);
+        assert_eq!(bound.free(), [vec![0, 1, 2], vec![8, 9]]);
+        assert!(bound.are_closed(&[0, 1, 2]) && !bound.are_closed(&[3, 4, 5, 6, 7]));
+    }
+
+    #[test]
+    fn nodes_of_a_tree_are_closed_as_the_triangles_below_are() {
+        let triangles = strips(&[7, 1, 12, 30, 2]);
+        let boxes: Vec<Bounds> = triangles.iter().map(|c| Bounds::of(c.map(|p| p.as_dvec3()))).collect();
+        let tree = Tree::build(&boxes, Quality::Medium);
+        let outside = FxHashSet::from_iter([position_key(triangles[7][0].as_dvec3())]);
+        let components = Components::of(&keys(&triangles), &outside);
+        let closed = components.closed_nodes(&tree);
+        let expected = |node: u32| components.are_closed(&tree.order[tree.items_below(node)]);
+        assert!((0..).zip(&closed).all(|(node, closed)| *closed == expected(node)));
+        assert!(closed.contains(&true) && !closed[0]);
+    }
+
+    #[test]
+    fn instances_touch_by_stored_corners_under_one_transform() {
+        let mut builder = SceneBuilder::default();
+        let [a, b] =
+            [0.0, 1.0].map(|x| builder.mesh("strip", vec![(0, vec![[Vec3::X * x, Vec3::X * (x + 1.0), Vec3::Y]])]));
+        builder.place(a, "a", at(5.0, 0.0, 0.0));
+        builder.place(b, "b", at(5.0, 0.0, 0.0));
+        builder.place(a, "moved", at(6.0, 0.0, 0.0));
+        let far = builder.mesh("far", vec![(0, row(Vec3::Z, 1))]);
+        builder.place(far, "far", at(5.0, 0.0, 0.0));
+        assert_eq!(touching(&builder.scene()), [true, true, false, false]);
+    }
+}
