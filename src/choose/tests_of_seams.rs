@@ -114,7 +114,8 @@ fn a_torus_of_many_objects_stays_closed_near_and_far() {
 
 #[test]
 fn what_is_baked_stays_closed_with_what_stays() {
-    for placed in [DAffine3::IDENTITY, DAffine3::from_rotation_x(1.0), place(DVec3::new(4000.0, 5.0, 6.0))] {
+    let moved = DAffine3::from_translation(DVec3::new(4000.5, 5.0, 6.25));
+    for placed in [DAffine3::IDENTITY, moved, DAffine3::from_rotation_x(1.0), place(DVec3::new(4000.0, 5.0, 6.0))] {
         let mut builder = SceneBuilder::default();
         for (i, sector) in torus(16, place(DVec3::ZERO)).chunks(64).enumerate() {
             let mesh = builder.mesh("sector", vec![(0, sector.to_vec())]);
@@ -124,6 +125,9 @@ fn what_is_baked_stays_closed_with_what_stays() {
         for (method, options) in turning(0.1) {
             let (layout, scene) = laid(&scene, method, options.clone());
             assert_eq!(parted(&scene, &layout), 0, "{method:?} {options:?} by {placed:?}");
+            if method == Method::Single && placed.matrix3 == DMat3::IDENTITY {
+                assert_eq!(layout.placements.iter().filter(|p| p.instance.is_some()).count(), 1, "one stays");
+            }
         }
     }
 }

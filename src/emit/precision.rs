@@ -114,18 +114,20 @@ impl Settling<'_> {
         settled: &mut Settled,
     ) {
         let groups = || class.groups.iter().map(|&g| g as usize);
-        settled.bound.extend(class.left.iter().flat_map(|left| bound_to(self.scene, layout, class, left)));
-        let is_fixed = class.left.contains(&DAffine3::IDENTITY);
-        let matrix3 = if is_fixed { DMat3::IDENTITY } else { common_rotation(self.scene, layout, class) };
-        let is_moved = !is_fixed && (matrix3 != DMat3::IDENTITY || groups().any(|g| is_far[g]));
-        let of_group = |g: usize| bounds(self.scene, layout.groups[g].content.baked_geometries());
-        let around = || groups().map(of_group).fold(Bounds::EMPTY, |all, b| all.union(&b));
-        let translation = if is_moved { around().stored_center() } else { DVec3::ZERO };
+        let fixed = frame_of_what_stays(class);
+        let parted = class.left.iter().filter(|left| Some(**left) != fixed);
+        settled.bound.extend(parted.flat_map(|left| bound_to(self.scene, layout, class, left)));
+        let common = fixed.unwrap_or_else(|| {
+            let matrix3 = common_rotation(self.scene, layout, class);
+            let is_moved = matrix3 != DMat3::IDENTITY || groups().any(|g| is_far[g]);
+            let of_group = |g: usize| bounds(self.scene, layout.groups[g].content.baked_geometries());
+            let around = || groups().map(of_group).fold(Bounds::EMPTY, |all, b| all.union(&b));
+            DAffine3 { matrix3, translation: if is_moved { around().stored_center() } else { DVec3::ZERO } }
+        });
         for g in groups() {
             let content = &mut layout.groups[g].content;
             let Content::Baked { frame, .. } = content else { continue };
-            let common = DAffine3 { matrix3, translation };
-            settled.centred += usize::from(is_far[g] && is_moved);
+            settled.centred += usize::from(is_far[g] && fixed.is_none());
             if *frame != common {
                 *frame = common;
                 all[g] = rounded(self.scene, content, &self.limits);
@@ -134,12 +136,21 @@ impl Settling<'_> {
     }
 }
 
-/// The baked instances of a class that the input places by the same transform as one beside them that stays. In the
-/// coordinates of the world both agree; in others the baked ones have to stay too.
-fn bound_to(scene: &Scene, layout: &Layout, class: &Class, left: &DAffine3) -> Vec<InstanceId> {
-    if *left == DAffine3::IDENTITY {
-        return Vec::new();
+/// The frame that a class shares with the instances beside it that stay, if any do and one frame will do: the
+/// coordinates of the world, or those of the mesh where all stay under one transform that single precision holds.
+fn frame_of_what_stays(class: &Class) -> Option<DAffine3> {
+    if class.left.contains(&DAffine3::IDENTITY) {
+        return Some(DAffine3::IDENTITY);
     }
+    let is_stored = |t: &DAffine3| t.to_cols_array().iter().all(|c| f64::from(*c as f32) == *c);
+    match class.left[..] {
+        [only] if is_stored(&only) && only.matrix3.determinant() != 0.0 => Some(only),
+        _ => None,
+    }
+}
+
+/// The baked instances of a class that the input places by a transform.
+fn bound_to(scene: &Scene, layout: &Layout, class: &Class, left: &DAffine3) -> Vec<InstanceId> {
     let geometries = class.groups.iter().flat_map(|&g| layout.groups[g as usize].content.baked_geometries());
     let mut instances: Vec<u32> = geometries.flat_map(|g| &g.triangles).map(|at| at.instance).collect();
     instances.dedup();

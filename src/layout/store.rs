@@ -154,6 +154,8 @@ impl<'a> Store<'a> {
     /// Returns the way from a triangle's source into the group.
     fn way(&self, origin: &Origin) -> Way {
         let [world_from_mesh, group_from_world] = match self.content {
+            // The way there and back would not give back every bit.
+            Content::Baked { frame, .. } if *frame == origin.transform => [DAffine3::IDENTITY; 2],
             Content::Baked { .. } => [origin.transform, self.into],
             Content::Kept(_) | Content::Piece { .. } => [DAffine3::IDENTITY, self.into],
         };
