@@ -100,5 +100,6 @@ fn document(class: &Class, count: usize) -> Document {
         kind: Kind::Gltf,
         warnings: Vec::new(),
         in_memory: None,
+        residuals: Default::default(),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DAffine3;
+use glam::{DAffine3, Vec3};
 
 use crate::Warning;
 
@@ -190,6 +190,8 @@ pub struct Source {
 pub struct Triangles {
     /// Vertex positions as stored (dequantised if the file quantises them).
     pub positions: Vec<[f32; 3]>,
+    /// What rounding took from the positions, see [`Residuals`](crate::document::Residuals); `None` if nothing.
+    pub residuals: Option<Arc<[Vec3]>>,
     /// Vertices of each triangle, counter-clockwise seen from the front; strips and fans are unrolled. Every index
     /// is below `positions.len()` and every corner is finite.
     pub corners: Vec<[u32; 3]>,

@@ -1,9 +1,12 @@
 //! [`Document`]: the complete contents of a scene file.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bytes::Bytes;
+use glam::Vec3;
 use serde_json::Value;
 
 use crate::alpha::{AlphaTest, Image};
@@ -36,6 +39,38 @@ pub struct Document {
     pub warnings: Vec<Warning>,
     /// The bytes that the document was read from if they were in memory; it then refers to no file.
     pub in_memory: Option<Bytes>,
+    /// What rounding took from the positions of an OBJ file; empty for glTF, and once accessors are renumbered.
+    pub residuals: Residuals,
+}
+
+/// What rounding to 32-bit floats took from positions that a file gives in more digits.
+///
+/// A residual is the exact position minus the stored one, in the coordinates of the mesh, itself rounded toward zero to
+/// 32-bit floats: stored position and residual together hold about 48 bits. Their sum in double precision rounds to the
+/// stored position.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Residuals {
+    /// By accessor; those without are exact.
+    of_accessors: HashMap<usize, Arc<[Vec3]>>,
+}
+
+impl Residuals {
+    /// Returns the residuals of an accessor's positions; `None` if all are zero.
+    pub fn get(&self, accessor: usize) -> Option<&Arc<[Vec3]>> {
+        self.of_accessors.get(&accessor)
+    }
+
+    /// Sets the residuals of an accessor's positions, one per position; none if the list is empty.
+    pub fn insert(&mut self, accessor: usize, residuals: Vec<Vec3>) {
+        if !residuals.is_empty() {
+            self.of_accessors.insert(accessor, residuals.into());
+        }
+    }
+
+    /// Forgets all residuals.
+    pub(crate) fn clear(&mut self) {
+        self.of_accessors.clear();
+    }
 }
 
 /// Component type of an accessor, with the numbers of glTF.

@@ -185,7 +185,15 @@ fn document(solids: &[Solid]) -> Document {
         "accessors": writer.accessors, "bufferViews": writer.views, "buffers": [{"byteLength": writer.bytes.len()}]
     });
     let buffers = vec![writer.bytes.into()];
-    Document { json, buffers, path: "test.gltf".into(), kind: Kind::Gltf, warnings: Vec::new(), in_memory: None }
+    Document {
+        json,
+        buffers,
+        path: "test.gltf".into(),
+        kind: Kind::Gltf,
+        warnings: Vec::new(),
+        in_memory: None,
+        residuals: Default::default(),
+    }
 }
 
 const RIGID: Options = Options { likeness: Likeness::Rigid, max_position_error_ratio: 1e-6, least_saved_bytes: 0 };

@@ -41,6 +41,7 @@ pub(super) fn document(nodes: Value, mesh: Value) -> Document {
         kind: Kind::Gltf,
         warnings: Vec::new(),
         in_memory: None,
+        residuals: Default::default(),
     }
 }
 

@@ -20,6 +20,7 @@ pub(crate) fn compact(doc: &mut Document) -> Compacted {
         removed.accessors = compact_list(&mut doc.json, "accessors", accessor_references);
         removed.buffer_views = compact_list(&mut doc.json, "bufferViews", view_references);
         if removed.accessors > 0 {
+            doc.residuals.clear();
             cut_views(doc);
         }
     }

@@ -89,7 +89,12 @@ fn triangles(
         Some((_, indices)) => corners(mode, count, |i| indices[i]),
         None => corners(mode, count, |i| i as u32),
     };
-    Ok(Some(Triangles { positions: position.vectors_f32(), corners, kept: None }))
+    let residuals = position_accessor(at).and_then(|accessor| doc.residuals.get(accessor)).cloned();
+    Ok(Some(Triangles { positions: position.vectors_f32(), residuals, corners, kept: None }))
+}
+
+fn position_accessor(primitive: &At<'_>) -> Option<usize> {
+    primitive.get("attributes")?.get("POSITION")?.integer().ok()
 }
 
 fn indices<'d>(doc: &'d Document, index: &At<'d>) -> Result<(Accessor<'d>, Vec<u32>), Error> {

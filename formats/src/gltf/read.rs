@@ -12,7 +12,7 @@ use super::extensions::{self, COMPRESSED, MESHOPT};
 use super::json::{At, unsigned};
 use super::uri::{self, Uri};
 use super::{binary, edit};
-use crate::document::Kind;
+use crate::document::{Kind, Residuals};
 use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 use crate::{Document, Error, ErrorKind, Warning};
 
@@ -37,7 +37,8 @@ fn parsed(path: &Path, file: &Bytes, folder: Option<&Path>) -> Result<Document, 
     check_asset(&root)?;
     extensions::check_required(&root)?;
     let buffers = load_buffers(&root, folder, bin, &mut warnings)?;
-    let mut doc = Document { json, buffers, path: path.to_owned(), kind, warnings, in_memory: None };
+    let residuals = Residuals::default();
+    let mut doc = Document { json, buffers, path: path.to_owned(), kind, warnings, in_memory: None, residuals };
     drop_draco(&mut doc)?;
     drop_meshopt(&mut doc);
     Ok(doc)

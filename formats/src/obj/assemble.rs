@@ -1,5 +1,6 @@
 //! Assembles the glTF document of a scanned OBJ file.
 
+use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 
@@ -7,17 +8,27 @@ use super::material::Materials;
 use super::mesh::{self, Made, Primitive};
 use super::notes::Notes;
 use super::scan::Scan;
+use super::shift;
 use super::streams::{Sizes, Stream, Streams};
+use crate::document::Residuals;
 use crate::extension_names::KHR_TEXTURE_TRANSFORM;
 
-/// Returns the glTF root object and its buffer.
-pub(super) fn assemble(
-    scan: &Scan,
-    models: Vec<tobj::Mesh>,
-    mut materials: Materials,
-    notes: &mut Notes,
-) -> (Value, Vec<u8>) {
-    let made: Vec<Made> = models.into_par_iter().map(|model| mesh::primitives(&model, scan.full_color)).collect();
+/// A glTF document made from an OBJ file.
+pub(super) struct Assembled {
+    /// The root object.
+    pub(super) json: Value,
+    /// Its buffer.
+    pub(super) buffer: Vec<u8>,
+    /// What rounding took from its positions.
+    pub(super) residuals: Residuals,
+}
+
+/// Assembles the document; `models` are the meshes of the scan's parts.
+pub(super) fn assemble(scan: &Scan, models: Vec<tobj::Mesh>, mut materials: Materials, notes: &mut Notes) -> Assembled {
+    let shifts = shift::shifts(&models);
+    let convert = |(model, &shift): (tobj::Mesh, &DVec3)| mesh::primitives(&model, shift, scan.full_color);
+    let made: Vec<Made> = models.into_par_iter().zip(&shifts).map(convert).collect();
+    let mut residuals = Residuals::default();
     let mut streams = Streams::new(&sizes(&made));
     let mut meshes: Vec<Value> = Vec::with_capacity(made.len());
     for (part, made) in scan.parts.iter().zip(made) {
@@ -26,11 +37,13 @@ pub(super) fn assemble(
         let mut primitives = Vec::with_capacity(made.primitives.len());
         for made in made.primitives {
             let material = name.and_then(|name| materials.index(name, !made.texcoords.is_empty(), notes));
-            primitives.push(primitive(&made, material, &mut streams));
+            let (json, positions) = primitive(&made, material, &mut streams);
+            primitives.push(json);
+            residuals.insert(positions, made.residuals);
         }
         meshes.push(json!({"primitives": primitives}));
     }
-    let mut tree = Tree { scan, nodes: Vec::new(), meshes: &mut meshes };
+    let mut tree = Tree { scan, shifts: &shifts, nodes: Vec::new(), meshes: &mut meshes };
     let roots = tree.roots();
     let nodes = tree.nodes;
     let (accessors, views, buffer) = streams.finish();
@@ -51,7 +64,7 @@ pub(super) fn assemble(
     if !buffer.is_empty() {
         root.insert("buffers".to_owned(), json!([{"byteLength": buffer.len()}]));
     }
-    (root.into(), buffer)
+    Assembled { json: root.into(), buffer, residuals }
 }
 
 fn extensions(materials: &Materials) -> Vec<Value> {
@@ -83,9 +96,11 @@ fn index_stream(primitive: &Primitive) -> Stream {
     if primitive.positions.len() <= usize::from(u16::MAX) { Stream::ShortIndices } else { Stream::Indices }
 }
 
-fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Streams) -> Value {
+/// Returns a glTF primitive and the accessor of its positions.
+fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Streams) -> (Value, usize) {
     let mut attributes = Map::new();
-    attributes.insert("POSITION".to_owned(), streams.push_positions(&primitive.positions).into());
+    let positions = streams.push_positions(&primitive.positions);
+    attributes.insert("POSITION".to_owned(), positions.into());
     let mut optional = |key: &str, stream: Stream, bytes: &[u8]| {
         if !bytes.is_empty() {
             attributes.insert(key.to_owned(), streams.push(stream, bytes).into());
@@ -105,7 +120,7 @@ fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Strea
     if let Some(material) = material {
         out["material"] = material.into();
     }
-    out
+    (out, positions)
 }
 
 /// Nodes under construction. A part is a node with a mesh. A group of one part is that node, named after the group; a
@@ -113,6 +128,8 @@ fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Strea
 /// groups, unless it has a single group without its own name.
 struct Tree<'a> {
     scan: &'a Scan,
+    /// The translation of each part.
+    shifts: &'a [DVec3],
     nodes: Vec<Value>,
     meshes: &'a mut [Value],
 }
@@ -168,7 +185,11 @@ impl Tree<'_> {
 
     fn part(&mut self, name: String, part: usize) -> usize {
         self.meshes[part]["name"] = name.clone().into();
-        self.push(json!({"name": name, "mesh": part}))
+        let mut node = json!({"name": name, "mesh": part});
+        if self.shifts[part] != DVec3::ZERO {
+            node["translation"] = self.shifts[part].to_array().to_vec().into();
+        }
+        self.push(node)
     }
 
     fn push(&mut self, node: Value) -> usize {

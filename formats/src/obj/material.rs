@@ -120,7 +120,7 @@ impl<'a> Conversion<'a> {
     /// Returns `d`, or else 1 - `Tr`, in 0..1.
     fn opacity(&mut self) -> f32 {
         let opacity = match (self.definition.values.dissolve, self.scalar("Tr")) {
-            (Some(d), _) => d,
+            (Some(d), _) => d as f32,
             (None, Some(tr)) => 1.0 - tr,
             (None, None) => return 1.0,
         };
@@ -133,7 +133,7 @@ impl<'a> Conversion<'a> {
         let texture = self.texture("map_Kd", self.definition.values.diffuse_texture.clone());
         let unseen = self.definition.values.diffuse == Some([0.0; 3]) && texture.is_some();
         let [r, g, b] =
-            self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
+            self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| (c as f32).clamp(0.0, 1.0));
         if !unseen {
             self.said.insert("Kd");
         }
@@ -161,7 +161,7 @@ impl<'a> Conversion<'a> {
             self.notes.add(String::new, message);
         }
         let textured = texture.is_some();
-        let shininess = self.definition.values.shininess.map(roughness);
+        let shininess = self.definition.values.shininess.map(|exponent| roughness(exponent as f32));
         let metallic = pm.unwrap_or(if textured && both { 1.0 } else { 0.0 });
         let rough = pr.or(if textured { None } else { shininess }).unwrap_or(1.0);
         self.said.extend(["Pr", "Pm"]);
@@ -189,7 +189,7 @@ impl<'a> Conversion<'a> {
 
     fn emission(&mut self, out: &mut Map<String, Value>) {
         let texture = self.texture("map_Ke", self.unknown("map_Ke"));
-        let color = self.definition.values.emissive.map(|color| color.map(|c| c.max(0.0)));
+        let color = self.definition.values.emissive.map(|color| color.map(|c| (c as f32).max(0.0)));
         self.said.insert("Ke");
         let color = match color.filter(|color| *color != [0.0; 3]) {
             Some(color) => color,
@@ -227,7 +227,7 @@ impl<'a> Conversion<'a> {
     }
 
     fn index_of_refraction(&mut self) {
-        if let Some(ior) = self.definition.values.optical_density.filter(|ior| *ior > 1.0) {
+        if let Some(ior) = self.definition.values.optical_density.map(|ior| ior as f32).filter(|ior| *ior > 1.0) {
             self.said.insert("Ni");
             self.extend(KHR_MATERIALS_IOR, json!({"ior": decimal(ior)}));
         }

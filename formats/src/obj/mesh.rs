@@ -1,17 +1,20 @@
 //! Converts meshes of `tobj` to glTF primitives.
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use rustc_hash::FxHashMap;
 
 use super::notes::Notes;
 use super::polygon::{self, Outcome};
+use super::shift;
 
 /// A primitive under construction: its vertices are the distinct (position, texture coordinate, normal) triples of the
 /// file in order of first use.
 #[derive(Debug, Default)]
 pub(super) struct Primitive {
-    /// Positions as parsed.
+    /// Positions relative to the part's shift, rounded.
     pub(super) positions: Vec<[f32; 3]>,
+    /// For each position what rounding took from it, see [`Residuals`](crate::document::Residuals); empty if nothing.
+    pub(super) residuals: Vec<Vec3>,
     /// Unit normals, or empty.
     pub(super) normals: Vec<[f32; 3]>,
     /// Texture coordinates with v down from the top, or empty.
@@ -33,6 +36,10 @@ struct Has {
 /// The values of a `tobj` mesh, ready for glTF.
 struct Source<'a> {
     mesh: &'a tobj::Mesh,
+    /// Positions as they are stored.
+    positions: Vec<Vec3>,
+    /// What rounding took from them.
+    residuals: Vec<Vec3>,
     /// `None` for a normal without direction, which counts as missing.
     normals: Vec<Option<[f32; 3]>>,
     texcoords: Vec<Option<[f32; 2]>>,
@@ -46,6 +53,8 @@ pub(super) struct Made {
     pub(super) primitives: Vec<Primitive>,
     /// Number of finite faces that could only be split from their first corner.
     fans: usize,
+    /// Number of finite positions beyond the range of 32-bit floats.
+    beyond: usize,
 }
 
 impl Made {
@@ -53,12 +62,14 @@ impl Made {
     pub(super) fn note(&self, notes: &mut Notes) {
         let message = "faces whose outline crosses itself or lies in no plane, split from their first corner";
         notes.add_many(String::new, message, self.fans);
+        let message = "positions beyond 3.4e38, the largest 32-bit float: their triangles are left out";
+        notes.add_many(String::new, message, self.beyond);
     }
 }
 
-/// Converts a mesh to primitives.
-pub(super) fn primitives(mesh: &tobj::Mesh, full_color: f32) -> Made {
-    let source = Source::of(mesh, full_color);
+/// Converts a mesh to primitives, with positions relative to `shift`.
+pub(super) fn primitives(mesh: &tobj::Mesh, shift: DVec3, full_color: f32) -> Made {
+    let source = Source::of(mesh, shift, full_color);
     let mut builders: Vec<(Has, Builder)> = Vec::new();
     let (mut start, mut points, mut triangles, mut fans) = (0, Vec::new(), Vec::new(), 0);
     for count in arities(mesh) {
@@ -79,7 +90,8 @@ pub(super) fn primitives(mesh: &tobj::Mesh, full_color: f32) -> Made {
         }
     }
     let primitives = builders.into_iter().map(|(has, builder)| source.primitive(has, builder)).collect();
-    Made { primitives, fans }
+    let beyond = shift::positions(mesh).filter(|p| p.is_finite() && !shift::is_storable(*p)).count();
+    Made { primitives, fans, beyond }
 }
 
 fn arities(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
@@ -113,13 +125,15 @@ impl Builder {
 }
 
 impl<'a> Source<'a> {
-    fn of(mesh: &'a tobj::Mesh, full_color: f32) -> Self {
-        let triples = |values: &'a [f32]| values.chunks_exact(3).map(|c| [c[0], c[1], c[2]]);
-        let texcoord =
-            |c: &[f32]| Some([c[0], 1.0 - c[1]]).filter(|_| DVec2::new(c[0].into(), c[1].into()).is_finite());
-        let color = |c: [f32; 3]| Vec3::from(c).is_finite().then(|| c.map(|x| (x / full_color).clamp(0.0, 1.0)));
+    fn of(mesh: &'a tobj::Mesh, shift: DVec3, full_color: f32) -> Self {
+        let triples = |values: &'a [f64]| values.chunks_exact(3).map(|c| DVec3::from_slice(c).as_vec3());
+        let texcoord = |c: &[f64]| Some([c[0] as f32, 1.0 - c[1] as f32]).filter(|c| Vec2::from(*c).is_finite());
+        let color = |c: Vec3| c.is_finite().then(|| c.to_array().map(|x| (x / full_color).clamp(0.0, 1.0)));
+        let (positions, residuals) = shift::positions(mesh).map(|position| rounded(position, shift)).unzip();
         Source {
             mesh,
+            positions,
+            residuals,
             normals: triples(&mesh.normals).map(unit).collect(),
             texcoords: mesh.texcoords.chunks_exact(2).map(texcoord).collect(),
             colors: triples(&mesh.vertex_color).map(color).collect(),
@@ -142,13 +156,9 @@ impl<'a> Source<'a> {
         [self.mesh.indices[corner], texcoord, normal]
     }
 
+    /// Returns a corner as it is stored, so that polygons are split as they will be seen.
     fn position(&self, corner: usize) -> DVec3 {
-        Vec3::from(self.point(self.mesh.indices[corner])).as_dvec3()
-    }
-
-    fn point(&self, index: u32) -> [f32; 3] {
-        let at = 3 * index as usize;
-        [self.mesh.positions[at], self.mesh.positions[at + 1], self.mesh.positions[at + 2]]
+        self.positions[self.mesh.indices[corner] as usize].as_dvec3()
     }
 
     /// Collects the vertices. If only some vertices lack colours, these get white, which changes nothing.
@@ -158,8 +168,13 @@ impl<'a> Source<'a> {
         let color = |key: &Key| self.colors[key[0] as usize].unwrap_or([1.0; 3]);
         let texcoords = keys.iter().filter(|_| has.texcoords).filter_map(|key| self.texcoords[key[1] as usize]);
         let normals = keys.iter().filter(|_| has.normals).filter_map(|key| self.normals[key[2] as usize]);
+        let mut residuals: Vec<Vec3> = keys.iter().map(|key| self.residuals[key[0] as usize]).collect();
+        if residuals.iter().all(|residual| *residual == Vec3::ZERO) {
+            residuals = Vec::new();
+        }
         Primitive {
-            positions: keys.iter().map(|key| self.point(key[0])).collect(),
+            positions: keys.iter().map(|key| self.positions[key[0] as usize].to_array()).collect(),
+            residuals,
             normals: normals.collect(),
             texcoords: texcoords.collect(),
             colors: if colored { keys.iter().map(color).collect() } else { Vec::new() },
@@ -168,8 +183,26 @@ impl<'a> Source<'a> {
     }
 }
 
+/// Returns a position relative to `shift`, rounded, and what rounding took from it. Positions beyond the range of 32-bit
+/// floats become infinite.
+fn rounded(position: DVec3, shift: DVec3) -> (Vec3, Vec3) {
+    if !shift::is_storable(position) {
+        return (position.as_vec3(), Vec3::ZERO);
+    }
+    let own = position - shift;
+    let stored = own.as_vec3();
+    let rest = (own - stored.as_dvec3()).to_array().map(toward_zero);
+    (stored, rest.into())
+}
+
+/// Rounds toward zero: a residual that is not larger than the exact one rounds away when it is added to what is stored.
+fn toward_zero(x: f64) -> f32 {
+    let nearest = x as f32;
+    if f64::from(nearest).abs() > x.abs() { f32::from_bits(nearest.to_bits() - 1) } else { nearest }
+}
+
 /// Returns the normal at unit length, if it has a direction.
-fn unit(normal: [f32; 3]) -> Option<[f32; 3]> {
-    let normal = Vec3::from(normal).as_dvec3();
+fn unit(normal: Vec3) -> Option<[f32; 3]> {
+    let normal = normal.as_dvec3();
     normal.is_finite().then(|| normal.try_normalize()).flatten().map(|unit| unit.as_vec3().to_array())
 }

@@ -8,6 +8,9 @@
 //! appearance. `o` starts an object and ends the previous group; `g` names a group within the object. A name is the
 //! rest of its line. Groups of one name within one object are one group, even if other groups lie between.
 //!
+//! Coordinates are read in double precision and stored as 32-bit floats, far from the origin relative to a point near the
+//! object's middle, see [`shift`].
+//!
 //! `tobj` parses the text in a normalised form, see [`scan`]: by itself it merges groups and objects, drops the names
 //! of undefined materials, invents missing texture coordinates and normals, treats lines as faces, shifts vertex
 //! colours if some vertices have none, and stops at a Latin-1 byte.
@@ -20,6 +23,7 @@ mod mesh;
 mod notes;
 mod polygon;
 mod scan;
+mod shift;
 mod streams;
 mod text;
 mod texture;
@@ -31,6 +35,7 @@ use bytes::Bytes;
 
 use crate::document::Kind;
 use crate::{Document, Error};
+use assemble::Assembled;
 use files::Files;
 use library::Libraries;
 use material::Materials;
@@ -73,10 +78,10 @@ fn parsed(path: &Path, source: Source<'_>, mut files: Files) -> Result<Document,
 
     let libraries = Libraries::load(&scan.libraries, &mut files, &mut notes);
     let materials = Materials::of(libraries, files);
-    let (json, buffer) = assemble::assemble(&scan, models, materials, &mut notes);
+    let Assembled { json, buffer, residuals } = assemble::assemble(&scan, models, materials, &mut notes);
     let buffers = if buffer.is_empty() { Vec::new() } else { vec![buffer.into()] };
     let warnings = notes.into_warnings();
-    Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings, in_memory: None })
+    Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings, in_memory: None, residuals })
 }
 
 /// Returns the text of a file in blocks; the last line ends in a line feed.

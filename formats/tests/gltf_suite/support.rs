@@ -39,6 +39,7 @@ pub(crate) fn document(json: Value, buffers: &[Vec<u8>]) -> Document {
         kind: Kind::Gltf,
         warnings: Vec::new(),
         in_memory: None,
+        residuals: Default::default(),
     }
 }
 

@@ -114,7 +114,7 @@ impl Elements {
     fn color(&mut self, rest: &str) -> Result<(), String> {
         self.tally.colored = true;
         for word in rest.split_whitespace().skip(3).take(3) {
-            let value = number(word)?;
+            let value = number(word)? as f32;
             if value.is_finite() {
                 self.tally.brightest = self.tally.brightest.max(value);
                 self.tally.fractional |= value.fract() != 0.0;
@@ -197,7 +197,7 @@ fn weighted(rest: &str) -> Result<String, String> {
     }
 }
 
-fn number(word: &str) -> Result<f32, String> {
+fn number(word: &str) -> Result<f64, String> {
     word.parse().map_err(|_| format!("`{}` is not a number", shown(word)))
 }
 
