@@ -196,13 +196,14 @@ impl<'a> Attributes<'a> {
 
     /// Returns positions in the group's frame, as given by the store.
     fn positions(&self, same: &[&Attribute], error: &mut f64) -> NewAccessor {
+        let exact = self.vertices.list.iter().map(|&(part, vertex)| self.vertices.parts[part as usize].exact(vertex));
+        *error = exact.map(rounding_error).fold(*error, f64::max);
         if self.can_copy(same) {
             return self.copied(same);
         }
         let mut data = Vec::with_capacity(self.vertices.list.len() * 12);
         for &(part, vertex) in &self.vertices.list {
             let part = &self.vertices.parts[part as usize];
-            *error = error.max(rounding_error(part.exact(vertex)));
             data.extend_from_slice(bytemuck::bytes_of(&part.stored(vertex)));
         }
         NewAccessor { data, element: FLOAT3, target: Target::Vertices, bounds: true }

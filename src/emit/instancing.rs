@@ -17,10 +17,9 @@ use raykiln_formats::edit::{CopyAttributes, NewAccessor, NewNode, NodeRecord, So
 use rayon::prelude::*;
 
 use super::nodes::Shared;
-use super::precision::stretch;
 use crate::layout::store::Store;
 use crate::layout::{Content, Layout, Placement};
-use crate::scene::{Bounds, InstanceId, Scene};
+use crate::scene::{Bounds, InstanceId, Scene, most_stretch};
 
 /// How several instances of a mesh are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -88,7 +87,7 @@ impl Batches {
         instancing: Instancing,
     ) -> Batches {
         let Instancing::Extension { max_position_error_ratio } = instancing else { return Batches::default() };
-        let most_error = max_position_error_ratio * scene.bounds().diagonal();
+        let most_error = max_position_error_ratio * scene.bounds().diagonal() + scene.largest_unavoidable_error();
         let candidates = candidates(document, scene, layout);
         let batch = |(group, placements): (u32, Vec<usize>)| -> (Option<Batch>, usize) {
             let all = placements.len();
@@ -263,7 +262,7 @@ impl Copy {
         let moved = |corner: DVec3| exact.transform_point3(corner).distance(stored.transform_point3(corner));
         // NaN, caused by overflow, counts as the largest.
         let error = corners(bounds).map(moved).into_iter().fold(0.0, |most: f64, e| if e <= most { most } else { e })
-            + stored_error * stretch(placement);
+            + stored_error * most_stretch(&placement.transform);
         let copy =
             Copy { translation: translation.to_array(), rotation: rotation.to_array(), scale: scale.to_array(), error };
         error.is_finite().then_some(copy)

@@ -30,8 +30,8 @@ use raykiln_formats::Document;
 use raykiln_formats::edit::CannotPrune;
 use rayon::prelude::*;
 
-use crate::layout::{Content, Layout, Placement};
-use crate::scene::Scene;
+use crate::layout::{Content, Group, Layout, Placement};
+use crate::scene::{Scene, most_stretch};
 use gather::{Gathered, Sources};
 use instancing::Batches;
 
@@ -84,9 +84,13 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -
     let sources = Sources::new(doc, scene);
     let gathered: Vec<Option<Gathered>> =
         layout.groups.par_iter().map(|group| gather::gather(&sources, &group.content)).collect();
-    let errors: Vec<f64> = gathered.iter().map(|g| g.as_ref().map_or(0.0, |g| g.position_error)).collect();
+    let error_of = |(group, gathered): (&Group, &Option<Gathered>)| match (gathered, &group.content) {
+        (None, Content::Kept(mesh)) => scene.meshes[mesh.0 as usize].reading_error(),
+        (gathered, _) => gathered.as_ref().map_or(0.0, |g| g.position_error),
+    };
+    let errors: Vec<f64> = layout.groups.iter().zip(&gathered).map(error_of).collect();
     let batches = Batches::of(doc, scene, layout, &errors, options.instancing);
-    let stretch = |p: &Placement| if p.instance.is_some() { precision::stretch(p) } else { 1.0 };
+    let stretch = |p: &Placement| if p.instance.is_some() { most_stretch(&p.transform) } else { 1.0 };
     let stored = layout.placements.iter().map(|p| errors[p.group as usize] * stretch(p));
     let position_error = stored.fold(batches.error, f64::max);
 

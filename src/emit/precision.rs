@@ -5,9 +5,9 @@ use rayon::prelude::*;
 
 use crate::layout::seams::{self, Class};
 use crate::layout::store::{Store, rounding_error};
-use crate::layout::{Content, Group, GroupGeometry, Layout, Placement};
+use crate::layout::{Content, Group, GroupGeometry, Layout};
 use crate::parallel::CHEAP_ELEMENTS;
-use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
+use crate::scene::{Bounds, InstanceId, Scene, TriangleRef, most_stretch};
 
 /// The result of [`settle`].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,16 +40,24 @@ const OF_OWN_SIZE: f64 = 1e-4;
 /// instance's own: a small object far from the origin keeps its shape. Groups that share corners ([`seams`]) get one
 /// frame, with one origin. Names the instances, also those opened into pieces that are stored in frames, that would
 /// still exceed the ratio of the scene's diagonal, or a ten-thousandth of their own, and those whose neighbours stay.
+/// What the scene as stored is off is allowed beyond each of these limits.
 pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: Refuse) -> Settled {
     let limit = max_error_ratio * scene.bounds().diagonal();
-    let limits: Vec<f64> = scene.instance_boxes().iter().map(|own| limit.min(own_limit(own))).collect();
+    let limit_of = |(i, own): (u32, &Bounds)| {
+        let unavoidable = scene.unavoidable_error(InstanceId(i));
+        Limit { allowed: limit.min(own_limit(own)) + unavoidable, unavoidable }
+    };
+    let limits: Vec<Limit> = (0..).zip(scene.instance_boxes()).map(limit_of).collect();
     let settling = Settling { scene, limits, max_error_ratio, refuse };
     let mut settled = settling.baked_groups(layout);
-    let errors = piece_errors(scene, layout);
+    let errors = errors_of_shared(scene, layout);
     for placement in &layout.placements {
-        let error = errors[placement.group as usize] * stretch(placement);
+        let error = errors[placement.group as usize] * most_stretch(&placement.transform);
         settled.error = settled.error.max(error);
-        settled.refused.extend(placement.instance.filter(|i| error > settling.limits[i.0 as usize]));
+        // What is kept is off as the input is.
+        let is_kept = layout.groups[placement.group as usize].content.is_kept();
+        let is_over = |i: &InstanceId| !is_kept && error > settling.limits[i.0 as usize].allowed;
+        settled.refused.extend(placement.instance.filter(is_over));
     }
     for list in [&mut settled.refused, &mut settled.bound] {
         list.sort_unstable();
@@ -66,8 +74,8 @@ pub fn settle(scene: &Scene, layout: &mut Layout, max_error_ratio: f64, refuse: 
 /// What [`settle`] works with.
 struct Settling<'a> {
     scene: &'a Scene,
-    /// How far a corner of each instance may move, in world units.
-    limits: Vec<f64>,
+    /// Of each instance.
+    limits: Vec<Limit>,
     max_error_ratio: f64,
     refuse: Refuse,
 }
@@ -100,7 +108,7 @@ impl Settling<'_> {
     /// Whether rounding moves a vertex of a baked group too far that is stored about the origin of the world.
     fn is_too_far(&self, content: &Content, rounded: &Rounded) -> bool {
         let Content::Baked { geometries, .. } = content else { return false };
-        let share = || self.max_error_ratio * bounds(self.scene, geometries).diagonal();
+        let share = || self.max_error_ratio * bounds(self.scene, geometries).diagonal() + rounded.unavoidable;
         rounded.error > 0.0 && (!rounded.refused.is_empty() || rounded.error > share())
     }
 
@@ -192,9 +200,20 @@ fn own_limit(own: &Bounds) -> f64 {
     if own.diagonal() > 0.0 { OF_OWN_SIZE * own.diagonal() } else { f64::INFINITY }
 }
 
+/// How far a corner of an instance may move, in world units.
+#[derive(Clone, Copy)]
+struct Limit {
+    /// In all.
+    allowed: f64,
+    /// [`Scene::unavoidable_error`], which is part of it.
+    unavoidable: f64,
+}
+
 /// Rounding errors of the triangles of a group.
 #[derive(Default)]
 struct Rounded {
+    /// The largest [`Limit::unavoidable`] of its instances.
+    unavoidable: f64,
     /// The largest distance between a corner and its stored position, in world units.
     error: f64,
     /// Instances with a corner beyond their limit, possibly with duplicates.
@@ -202,9 +221,10 @@ struct Rounded {
 }
 
 impl Rounded {
-    fn with(mut self, instance: InstanceId, error: f64, limit: f64) -> Rounded {
+    fn with(mut self, instance: InstanceId, error: f64, limit: Limit) -> Rounded {
         self.error = self.error.max(error);
-        if error > limit && self.refused.last() != Some(&instance) {
+        self.unavoidable = self.unavoidable.max(limit.unavoidable);
+        if error > limit.allowed && self.refused.last() != Some(&instance) {
             self.refused.push(instance);
         }
         self
@@ -212,13 +232,14 @@ impl Rounded {
 
     fn and(mut self, other: Rounded) -> Rounded {
         self.error = self.error.max(other.error);
+        self.unavoidable = self.unavoidable.max(other.unavoidable);
         self.refused.extend(other.refused);
         self
     }
 }
 
-/// Returns the rounding errors of storing a baked group; `limits` are those of the scene's instances, in world units.
-fn rounded(scene: &Scene, content: &Content, limits: &[f64]) -> Rounded {
+/// Returns the rounding errors of storing a baked group; `limits` are those of the scene's instances.
+fn rounded(scene: &Scene, content: &Content, limits: &[Limit]) -> Rounded {
     let Content::Baked { geometries, .. } = content else { return Rounded::default() };
     let store = Store::new(scene, content);
     let of_triangle = |all: Rounded, &at: &TriangleRef| {
@@ -229,24 +250,22 @@ fn rounded(scene: &Scene, content: &Content, limits: &[f64]) -> Rounded {
     triangles.fold(Rounded::default, of_triangle).reduce(Rounded::default, Rounded::and)
 }
 
-/// Returns, for each group, the largest distance between a corner and its position stored in the frame of a piece, in
-/// units of the group; 0 for groups that are not pieces.
-fn piece_errors(scene: &Scene, layout: &Layout) -> Vec<f64> {
+/// Returns, for each group that instances of one mesh share, the largest distance between a corner and its stored
+/// position, in units of the group; 0 for baked groups.
+fn errors_of_shared(scene: &Scene, layout: &Layout) -> Vec<f64> {
     let of_group = |group: &Group| {
+        let mesh = match &group.content {
+            Content::Kept(mesh) => return scene.meshes[mesh.0 as usize].reading_error(),
+            Content::Piece { mesh, .. } => mesh,
+            Content::Baked { .. } => return 0.0,
+        };
         let store = Store::new(scene, &group.content);
-        if matches!(group.content, Content::Baked { .. }) || store.is_exact() {
+        if store.is_unmoved() && scene.meshes[mesh.0 as usize].reading_error() == 0.0 {
             return 0.0;
         }
         (0..store.len()).flat_map(|t| store.corners(t)).map(rounding_error).fold(0.0, f64::max)
     };
     layout.groups.par_iter().map(of_group).collect()
-}
-
-/// Returns an upper bound on the factor by which a placement lengthens vectors of its group: the square root of the sum
-/// of the squared coefficients.
-pub(super) fn stretch(placement: &Placement) -> f64 {
-    let m = placement.transform.matrix3;
-    (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
 }
 
 /// Returns the world box of a group's triangles.

@@ -65,19 +65,17 @@ impl<'a> Store<'a> {
     }
 
     /// Whether positions are stored unchanged from the scene's meshes.
-    pub fn is_exact(&self) -> bool {
+    pub fn is_unmoved(&self) -> bool {
         !matches!(self.content, Content::Baked { .. }) && self.into == DAffine3::IDENTITY
     }
 
-    /// Returns the corners of a triangle in the coordinates of the group, before rounding to single precision; in the
-    /// order of the triangle's source mesh, even if that is mirrored.
+    /// Returns the corners of a triangle in the coordinates of the group, computed from the positions that the file
+    /// gives, before rounding to single precision; in the order of the triangle's source mesh, even if that is mirrored.
     pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
         let geometry = self.starts.partition_point(|&start| start <= triangle) - 1;
         let at = triangle - self.starts[geometry];
         match self.content {
-            Content::Kept(mesh) => {
-                self.scene.meshes[mesh.0 as usize].geometries[geometry].corners(at).map(|p| p.as_dvec3())
-            }
+            Content::Kept(mesh) => self.scene.meshes[mesh.0 as usize].geometries[geometry].exact_corners(at),
             Content::Piece { geometries, .. } | Content::Baked { geometries, .. } => {
                 self.corners_of(geometries[geometry].triangles[at])
             }
@@ -87,7 +85,7 @@ impl<'a> Store<'a> {
     /// Like [`Store::corners`], for a triangle of the scene.
     pub fn corners_of(&self, at: TriangleRef) -> [DVec3; 3] {
         let origin = self.origin(at);
-        let corners = self.scene.meshes[origin.mesh.0 as usize].corners(origin.triangle).map(|p| p.as_dvec3());
+        let corners = self.scene.meshes[origin.mesh.0 as usize].exact_corners(origin.triangle);
         let way = self.way(&origin);
         corners.map(|p| way.take(p))
     }
@@ -237,14 +235,18 @@ pub struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Returns the position of a vertex in the group, before rounding.
+    /// Returns the position of a vertex in the group, computed from the position that the file gives, before rounding.
     pub fn exact(&self, vertex: u32) -> DVec3 {
-        self.way.take(self.geometry.positions[vertex as usize].as_dvec3())
+        self.way.take(self.geometry.exact(vertex))
     }
 
-    /// Returns the stored position of a vertex: computed in double precision and rounded once.
+    /// Returns the stored position of a vertex: that of the mesh if it stays in its coordinates; otherwise computed in
+    /// double precision and rounded once.
     pub fn stored(&self, vertex: u32) -> Vec3 {
-        self.exact(vertex).as_vec3()
+        match self.group_from_mesh {
+            Some(_) => self.exact(vertex).as_vec3(),
+            None => self.geometry.positions[vertex as usize],
+        }
     }
 
     /// Returns the vertices of a triangle, counter-clockwise seen from the front in the group.
@@ -281,7 +283,7 @@ mod tests {
         let kept = Content::Kept(MeshId(0));
         let kept = Store::new(&scene, &kept);
         assert_eq!(kept.corners(3), mesh_corners(3));
-        assert!(kept.is_exact());
+        assert!(kept.is_unmoved());
 
         let geometries = vec![geometry(&[(0, 5)]), geometry(&[]), geometry(&[(0, 2), (0, 1)])];
         let piece = Content::Piece { mesh: MeshId(0), frame: DAffine3::IDENTITY, geometries };
@@ -295,7 +297,7 @@ mod tests {
         let world = Store::new(&scene, &world);
         assert_eq!(world.corners(0), scene.world_corners(TriangleRef { instance: 0, triangle: 4 }));
         assert_eq!(world.bounds(), Bounds::of(world.corners(0)));
-        assert!(!world.is_exact());
+        assert!(!world.is_unmoved());
     }
 
     #[test]

@@ -75,6 +75,9 @@ fn check_geometry(geometry: &Geometry, materials: usize) -> Result<(), String> {
     if geometry.kept.as_ref().is_some_and(|k| k.len() != geometry.triangles.len()) {
         return Err("does not tell the source of every triangle".into());
     }
+    if geometry.residuals.as_ref().is_some_and(|r| r.len() != geometry.positions.len()) {
+        return Err("does not tell the residual of every position".into());
+    }
     for (t, corners) in geometry.triangles.iter().enumerate() {
         for &v in corners {
             match geometry.positions.get(v as usize) {

@@ -81,6 +81,7 @@ impl IndexMut<usize> for Meshes {
 fn changeable(mesh: &mut Arc<Mesh>) -> &mut Mesh {
     let mesh = Arc::make_mut(mesh);
     mesh.extent = Known::default();
+    mesh.residual = Known::default();
     mesh
 }
 

@@ -7,6 +7,7 @@ mod known;
 mod load;
 mod meshes;
 mod overlay;
+mod reading;
 mod stand_in;
 
 pub use alpha::{AlphaTest, AlphaTexture, Image, Wrap};
@@ -16,6 +17,8 @@ pub use known::Known;
 pub use load::{LoadOptions, load};
 pub use meshes::Meshes;
 pub use overlay::Overlay;
+pub use reading::ReadingError;
+pub(crate) use reading::most_stretch;
 
 use std::sync::Arc;
 
@@ -76,6 +79,8 @@ pub struct Mesh {
     pub dropped: bool,
     /// See [`Mesh::bounds`].
     pub extent: Known<Bounds>,
+    /// See [`Mesh::reading_error`].
+    pub residual: Known<f64>,
 }
 
 /// Triangles with one material, in the coordinates of their mesh.
@@ -93,8 +98,11 @@ pub struct Geometry {
     pub merge_class: u32,
     /// Index of its first triangle in the numbering of the mesh's triangles.
     pub first_triangle: u32,
-    /// Vertex positions; all referenced ones are finite.
+    /// Vertex positions as stored; all referenced ones are finite.
     pub positions: Vec<Vec3>,
+    /// What rounding to single precision took from each position when the file was read, see
+    /// [`Residuals`](raykiln_formats::document::Residuals); `None` if nothing.
+    pub residuals: Option<Arc<[Vec3]>>,
     /// Vertices of each triangle, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// For each triangle, its index in the document's primitive; `None` if the indices are equal.
@@ -198,6 +206,17 @@ impl Mesh {
         let (g, t) = self.locate(triangle);
         self.geometries[g].corners(t)
     }
+
+    /// Returns the corners of a triangle in mesh coordinates, as the file gives them.
+    pub fn exact_corners(&self, triangle: u32) -> [DVec3; 3] {
+        let (g, t) = self.locate(triangle);
+        self.geometries[g].exact_corners(t)
+    }
+
+    /// Returns the largest distance between a corner and where the file has it, in mesh units; computed once.
+    pub fn reading_error(&self) -> f64 {
+        *self.residual.get_or(|| self.geometries.iter().map(Geometry::reading_error).fold(0.0, f64::max))
+    }
 }
 
 impl Geometry {
@@ -209,6 +228,23 @@ impl Geometry {
     /// Returns the corners of a triangle in mesh coordinates, as stored.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// Returns the corners of a triangle in mesh coordinates, as the file gives them.
+    pub fn exact_corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|v| self.exact(v))
+    }
+
+    /// Returns the position of a vertex as the file gives it. Rounded to single precision, it is the stored one.
+    pub fn exact(&self, vertex: u32) -> DVec3 {
+        let stored = self.positions[vertex as usize].as_dvec3();
+        self.residuals.as_ref().map_or(stored, |residuals| stored + residuals[vertex as usize].as_dvec3())
+    }
+
+    fn reading_error(&self) -> f64 {
+        let Some(residuals) = &self.residuals else { return 0.0 };
+        let of_vertex = |&v: &u32| residuals[v as usize].as_dvec3().length();
+        self.triangles.iter().flatten().map(of_vertex).fold(0.0, f64::max)
     }
 }
 
@@ -223,12 +259,13 @@ impl Scene {
         &self.meshes[self.instances[instance.0 as usize].mesh.0 as usize]
     }
 
-    /// Returns the corners of a placed triangle in world coordinates, in double precision. For a mirrored instance the
-    /// second and third corner are swapped, so that the order stays counter-clockwise seen from the front.
+    /// Returns the corners of a placed triangle in world coordinates, as the file gives them, in double precision. For a
+    /// mirrored instance the second and third corner are swapped, so that the order stays counter-clockwise seen from the
+    /// front.
     pub fn world_corners(&self, at: TriangleRef) -> [DVec3; 3] {
         let instance = &self.instances[at.instance as usize];
-        let [a, b, c] = self.mesh_of(InstanceId(at.instance)).corners(at.triangle);
-        let [a, b, c] = [a, b, c].map(|p| instance.transform.transform_point3(p.as_dvec3()));
+        let corners = self.mesh_of(InstanceId(at.instance)).exact_corners(at.triangle);
+        let [a, b, c] = corners.map(|p| instance.transform.transform_point3(p));
         if instance.mirrored() { [a, c, b] } else { [a, b, c] }
     }
 

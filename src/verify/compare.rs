@@ -10,7 +10,7 @@ use super::identity::{Identity, describe};
 use super::random::Random;
 use super::rays::{Ray, RayKind};
 use super::rounding::{Magnitude, SINGLE, SMALLEST};
-use super::structure::{Structure, reference_length};
+use super::structure::{Structure, allowed_error};
 use super::{Hit, Mismatch, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
@@ -197,10 +197,10 @@ impl<'a> Comparison<'a> {
         options: &VerifyOptions,
     ) -> Self {
         let (before, after) = identity.scenes();
-        let allowed = options.max_position_error_ratio * reference_length(before);
+        let allowed = allowed_error(before, options.max_position_error_ratio);
         let position_error = structure.max_position_error.min(allowed);
         Comparison {
-            before: View::new(before, None, 0.0),
+            before: View::new(before, None, before.largest_unavoidable_error()),
             after: View::new(after, Some(identity), position_error),
             identity,
             reference,

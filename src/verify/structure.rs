@@ -66,11 +66,13 @@ impl Structure {
 /// Compares two scenes triangle by triangle, in time linear in their number, using two bits of memory for each.
 ///
 /// Corners may be listed in another order as long as the same side is the front; each may lie up to
-/// `max_position_error_ratio` times the input's diagonal from its place. Instances with singular transforms, which no
+/// `max_position_error_ratio` times the input's diagonal from its place, and by as much farther as the input as stored is
+/// off ([`allowed_error`]). The place is that which the input's file gives. Instances with singular transforms, which no
 /// ray can enter, are compared too.
 pub fn compare(identity: &Identity, before: &Scene, after: &Scene, max_position_error_ratio: f64) -> Structure {
     let size = reference_length(before);
-    let check = Check { identity, before, after, limit: max_position_error_ratio * size, seen: Seen::new(before) };
+    let limit = allowed_error(before, max_position_error_ratio);
+    let check = Check { identity, before, after, limit, seen: Seen::new(before) };
     let tallies: Vec<Tally> = chunks(after).par_iter().map(|chunk| check.chunk(chunk)).collect();
     let all = tallies.into_iter().fold(Tally::default(), Tally::then);
     let words = |scene: &Scene, first: Option<TriangleRef>| first.map(|at| describe(scene, at));
@@ -95,6 +97,12 @@ pub fn reference_length(scene: &Scene) -> f64 {
     let bounds = scene.bounds();
     let from_origin = bounds.center().length();
     [bounds.diagonal(), from_origin].into_iter().find(|&length| length > 0.0).unwrap_or(1.0)
+}
+
+/// Returns how far a corner may lie from where the input's file has it, in world units. What the input itself stores
+/// otherwise, no output can avoid.
+pub fn allowed_error(before: &Scene, max_position_error_ratio: f64) -> f64 {
+    max_position_error_ratio * reference_length(before) + before.largest_unavoidable_error()
 }
 
 struct Check<'a> {

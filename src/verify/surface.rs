@@ -12,7 +12,7 @@ use super::compare::{EXAMPLES, Errors, FAR_RATIO, Judgement, NEAR_RATIO, Tally, 
 use super::cpu::{Reference, TrueHit};
 use super::materials::Materials;
 use super::rays::{Ray, RayKind};
-use super::structure::reference_length;
+use super::structure::allowed_error;
 use super::{Hit, Mismatch, Note, Side, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{Scene, TriangleRef};
 
@@ -63,9 +63,10 @@ impl<'a> Surfaces<'a> {
         radius: f64,
         options: &VerifyOptions,
     ) -> Self {
-        let allowed = options.max_position_error_ratio * reference_length(scenes.before);
+        let allowed = allowed_error(scenes.before, options.max_position_error_ratio);
+        let of_reading = scenes.before.largest_unavoidable_error();
         let sides =
-            Sides { before: View::new(scenes.before, None, 0.0), after: View::new(scenes.after, None, allowed) };
+            Sides { before: View::new(scenes.before, None, of_reading), after: View::new(scenes.after, None, allowed) };
         Surfaces { sides, materials: Materials::of(scenes), reference, radius }
     }
 
