@@ -29,7 +29,7 @@ use crate::cost::Metrics;
 use crate::emit::Copied;
 use crate::layout::BlasPer;
 use crate::methods::PlanId;
-use crate::scene::Scene;
+use crate::scene::{self, Scene};
 use crate::verify::verdict::Verdict;
 use crate::verify::{Matching, Verification};
 
@@ -100,6 +100,21 @@ pub struct Input {
     pub instances: u64,
     /// Instances that must stay as they are.
     pub pinned_instances: u64,
+    /// What rounding to single precision cost when an OBJ file was read; none where every corner is stored exactly.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reading_error: Option<ReadingError>,
+}
+
+/// How far corners are from where the decimals of the file put them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ReadingError {
+    /// The largest distance over all corners, in the units of the file.
+    pub max: f64,
+    /// The largest distance over the diagonal of the corner's own object.
+    pub ratio_of_object: f64,
+    /// The name of the object with the largest ratio.
+    pub object: String,
 }
 
 /// How a layout was chosen.
@@ -332,7 +347,15 @@ impl Input {
             nodes: scene.nodes as u64,
             instances: scene.instances.len() as u64,
             pinned_instances: scene.instances.iter().filter(|i| i.pinned.is_some()).count() as u64,
+            reading_error: ReadingError::of(scene),
         }
+    }
+}
+
+impl ReadingError {
+    fn of(scene: &Scene) -> Option<ReadingError> {
+        let scene::ReadingError { max, ratio_of_object, object } = scene.reading_error()?;
+        Some(ReadingError { max, ratio_of_object, object: scene.instances[object.0 as usize].name.clone() })
     }
 }
 

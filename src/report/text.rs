@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::words::{bytes, counted, grouped};
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
-use super::{Severity, Speed, VerifyReport, candidates, verdict};
+use super::{ReadingError, Severity, Speed, VerifyReport, candidates, verdict};
 use crate::choose::PassId;
 use crate::cost::Metrics;
 use crate::layout::BlasPer;
@@ -158,7 +158,14 @@ fn input_line(input: &Input) -> String {
         (input.instances, "instance"),
     ];
     let counts = counts.map(|(count, what)| counted(count as usize, what));
-    format!("{}{pinned}\n", counts.join(", "))
+    format!("{}{pinned}\n{}", counts.join(", "), input.reading_error.as_ref().map(reading).unwrap_or_default())
+}
+
+fn reading(error: &ReadingError) -> String {
+    let ReadingError { max, ratio_of_object, object } = error;
+    format!(
+        "reading error: at most {max:.1e} units; at most {ratio_of_object:.1e} of an object's own size (`{object}`)\n"
+    )
 }
 
 /// One line per message, or the first few and the number of the rest.
@@ -322,6 +329,16 @@ pub(super) fn wrapped(text: &str, width: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_reading_error_follows_the_counts() {
+        let error = ReadingError { max: 2.5e-8, ratio_of_object: 3e-8, object: "cup".into() };
+        let scene = crate::scene::Scene::default();
+        let input = Input { reading_error: Some(error), ..Input::of("scene.obj".into(), &scene) };
+        let line = "reading error: at most 2.5e-8 units; at most 3.0e-8 of an object's own size (`cup`)\n";
+        assert!(input_line(&input).ends_with(&format!("0 instances\n{line}")), "{}", input_line(&input));
+        assert!(!input_line(&Input { reading_error: None, ..input }).contains("error"));
+    }
 
     #[test]
     fn columns_line_up() {

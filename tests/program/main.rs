@@ -16,6 +16,7 @@ mod device_hits;
 mod devices;
 #[cfg(target_os = "linux")]
 mod endings;
+mod far_from_origin;
 mod faults;
 mod instancing;
 #[cfg(feature = "lab")]

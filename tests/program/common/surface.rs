@@ -78,6 +78,11 @@ impl Surface {
         }
     }
 
+    /// Returns the corners of all triangles in world coordinates, computed in double precision.
+    pub(crate) fn corners(&self) -> Vec<[DVec3; 3]> {
+        self.triangles.values().map(|t| t.corners.map(|c| c.position)).collect()
+    }
+
     /// The total area of a material's triangles.
     pub(crate) fn area(&self, material: usize) -> f64 {
         let of = self.triangles.values().filter(|t| t.material == Some(material as u64));
