@@ -8,6 +8,7 @@ use super::{ReadingError, Severity, Speed, VerifyReport, candidates, verdict};
 use crate::choose::PassId;
 use crate::cost::Metrics;
 use crate::layout::BlasPer;
+use crate::verify::seams::Seams;
 use crate::verify::speed::KindSpeed;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Sides, Verification};
@@ -65,7 +66,22 @@ fn before_and_after(per: BlasPer, metrics: Sides<&Metrics>, verification: &Verif
     text += &structures(verification);
     text += &rays(verification, overall);
     text += &errors(verification);
-    text
+    text + &seams(&verification.seams)
+}
+
+/// How many rays pass through edges and vertices.
+fn seams(seams: &Seams) -> String {
+    if seams.rays == 0 {
+        return "cracks: not looked for: no edge has a triangle on either side, no vertex triangles all around\n"
+            .to_owned();
+    }
+    let [before, after] =
+        [seams.before_lost_per_million, seams.after_lost_per_million].map(|n| grouped(n.round() as u64));
+    format!(
+        "cracks: of {} rays aimed at shared edges and vertices, {before} per million pass through the input, {after} through \
+         the output\n",
+        grouped(seams.rays)
+    )
 }
 
 /// Returns a comparison of two files as text.
@@ -338,6 +354,28 @@ mod tests {
         let line = "reading error: at most 2.5e-8 units; at most 3.0e-8 of an object's own size (`cup`)\n";
         assert!(input_line(&input).ends_with(&format!("0 instances\n{line}")), "{}", input_line(&input));
         assert!(!input_line(&Input { reading_error: None, ..input }).contains("error"));
+    }
+
+    #[test]
+    fn cracks_are_reported_even_if_none_can_be_looked_for() {
+        assert!(seams(&Seams::default()).starts_with("cracks: not looked for: "));
+        let found = Seams {
+            rays: 16_384,
+            after_lost: 20,
+            after_lost_per_million: 20e6 / 16_384.0,
+            opened: 20,
+            ..Seams::default()
+        };
+        assert_eq!(
+            seams(&found),
+            "cracks: of 16,384 rays aimed at shared edges and vertices, 0 per million pass through the input, 1,221 \
+             through the output\n"
+        );
+        let failure = crate::verify::Failure::Seams(found).to_string();
+        assert!(
+            failure.contains("of 16,384 rays") && failure.contains("20 pass through the output and 0"),
+            "{failure}"
+        );
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Serialize, Serializer};
 
+use super::words::grouped;
 use crate::verify::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Side, Target, Verification, WhyCpu, Wrong};
 
 impl Display for Verification {
@@ -41,6 +42,14 @@ impl Display for Failure {
                 let examples: Vec<String> = examples.iter().map(ToString::to_string).collect();
                 write!(f, "{mismatches} of {rays} rays see something else: {}", examples.join("; "))
             }
+            Failure::Seams(seams) => write!(
+                f,
+                "the surface has cracks: of {} rays aimed at shared edges and vertices, {} pass through the output and {} \
+                 through the input",
+                grouped(seams.rays),
+                grouped(seams.after_lost),
+                grouped(seams.before_lost)
+            ),
         }
     }
 }

@@ -211,6 +211,11 @@ impl<'a> Comparison<'a> {
         }
     }
 
+    /// Returns the largest distance of a corner of the output from its place, at most the allowed one, in world units.
+    pub(super) fn displacement(&self) -> f64 {
+        self.after.position_error
+    }
+
     /// Compares the results of both tracers. If they agree and the result is true of the triangle they name, it is
     /// accepted; everything else, and a sample of the accepted rays, is judged by the true closest hit.
     pub fn compare(&self, kind: RayKind, rays: &[Ray], hits: Sides<&[Option<Hit>]>) -> Tally {
@@ -423,7 +428,7 @@ pub(super) fn material(scene: &Scene, at: TriangleRef) -> Option<u32> {
     mesh.geometries[mesh.locate(at.triangle).0].material
 }
 
-fn magnitudes(scene: &Scene) -> Vec<Magnitude> {
+pub(super) fn magnitudes(scene: &Scene) -> Vec<Magnitude> {
     let reach: Vec<DVec3> = scene
         .meshes
         .par_iter()

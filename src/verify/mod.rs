@@ -17,6 +17,7 @@ mod race;
 mod random;
 pub mod rays;
 pub mod rounding;
+pub mod seams;
 mod sides;
 pub mod speed;
 pub mod structure;
@@ -40,8 +41,10 @@ use identity::Identity;
 pub use note::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Target, WhyCpu, Wrong};
 pub use per_kind::PerKind;
 pub use race::{RaceResult, Timing, race_on_cpu};
+use seams::Aimed;
 use serde::Serialize;
 pub use sides::{Side, Sides};
+use structure::reference_length;
 use surface::Surfaces;
 pub use tracing::{TimingHints, Tracer, Tracers};
 pub use verdict::Verification;
@@ -151,7 +154,8 @@ pub fn verify_with<'t, T: Tracer + 't>(
     if options.matching == Matching::Surface {
         let surfaces = Surfaces::new(scenes, reference, rays.radius, options);
         let compare = |kind, rays: &[_], hits: Sides<&[_]>| surfaces.compare(kind, rays, hits);
-        let mut seen = tracing::trace(before, &rays, tracers, options, compare)?;
+        let aimed = Aimed::new(before, None, options.max_position_error_ratio * reference_length(before), options);
+        let mut seen = tracing::trace(before, &rays, &aimed, tracers, options, compare)?;
         seen.notes.extend(surfaces.note());
         return Ok(verdict::judge(seen, None, options));
     }
@@ -159,6 +163,7 @@ pub fn verify_with<'t, T: Tracer + 't>(
     let structure = structure::compare(&identity, before, after, options.max_position_error_ratio);
     let comparison = Comparison::new(&identity, reference, &structure, rays.radius, options);
     let compare = |kind, rays: &[_], hits: Sides<&[_]>| comparison.compare(kind, rays, hits);
-    let seen = tracing::trace(before, &rays, tracers, options, compare)?;
+    let aimed = Aimed::new(before, Some(&identity), comparison.displacement(), options);
+    let seen = tracing::trace(before, &rays, &aimed, tracers, options, compare)?;
     Ok(verdict::judge(seen, Some(structure), options))
 }

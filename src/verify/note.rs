@@ -2,6 +2,7 @@
 
 use super::Side;
 use super::rays::RayKind;
+use super::seams::Seams;
 
 /// Something that a verification did otherwise than asked.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,6 +65,8 @@ pub enum Failure {
         /// The first of them.
         examples: Vec<Mismatch>,
     },
+    /// More rays are lost at edges and vertices than in the input.
+    Seams(Seams),
 }
 
 /// What can be wrong with a triangle.

@@ -7,6 +7,7 @@ use super::build::{Built, Structures};
 use super::compare::Tally;
 use super::cpu::TrueHit;
 use super::rays::{self, Ray, RayKind, Rays};
+use super::seams::{Aimed, Seams};
 use super::speed::{self, KindSpeed};
 use super::{Note, OpaqueTextures, PerKind, Side, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
@@ -85,6 +86,7 @@ pub(super) struct Seen {
     pub(super) device: String,
     pub(super) view: String,
     pub(super) tally: Tally,
+    pub(super) seams: Seams,
     pub(super) timed: Timed,
     pub(super) structures: Option<Structures>,
     pub(super) notes: Vec<Note>,
@@ -119,40 +121,43 @@ pub(super) trait Compare: Fn(RayKind, &[Ray], Sides<&[Option<Hit>]>) -> Tally {}
 
 impl<F: Fn(RayKind, &[Ray], Sides<&[Option<Hit>]>) -> Tally> Compare for F {}
 
-/// Traces rays through both scenes, compares the hits, and times them.
+/// Traces rays through both scenes, compares the hits, and times them. The aimed rays are only traced.
 pub(super) fn trace<T: Tracer>(
     before: &Scene,
     rays: &Rays,
+    aimed: &Aimed,
     tracers: Tracers<'_, T>,
     options: &VerifyOptions,
     compare: impl Compare,
 ) -> Result<Seen, T::Error> {
     match tracers {
-        Tracers::Together(tracers) => together(before, rays, tracers, options, compare),
-        Tracers::OneByOne(make) => one_by_one(before, rays, make, options, compare),
+        Tracers::Together(tracers) => together(before, rays, aimed, tracers, options, compare),
+        Tracers::OneByOne(make) => one_by_one(before, rays, aimed, make, options, compare),
     }
 }
 
 fn together<T: Tracer>(
     before: &Scene,
     rays: &Rays,
+    aimed: &Aimed,
     tracers: Sides<&T>,
     options: &VerifyOptions,
     compare: impl Compare,
 ) -> Result<Seen, T::Error> {
-    let views = Sides { before: View::of(tracers.before, rays)?, after: View::of(tracers.after, rays)? };
+    let views = Sides { before: View::of(tracers.before, rays, aimed)?, after: View::of(tracers.after, rays, aimed)? };
     let timed = timed_rays(before, rays, tracers.before, options)?;
     let timed = timed.as_ref().unwrap_or(rays);
     let both = [tracers.before, tracers.after];
     let seconds = PerKind::try_of(|kind| times(kind, &timed.kinds[kind], both, options.repeats).map(Sides::from))?;
     let kinds = PerKind::of(|kind| KindSpeed::in_turns(timed.kinds[kind].len(), &seconds[kind]));
-    Ok(seen(rays, views, Timed { kinds, seconds }, compare))
+    Ok(seen(rays, aimed, views, Timed { kinds, seconds }, compare))
 }
 
 /// Like [`together`], with one tracer at a time.
 fn one_by_one<T: Tracer>(
     before: &Scene,
     rays: &Rays,
+    aimed: &Aimed,
     make: Sides<Make<'_, T>>,
     options: &VerifyOptions,
     compare: impl Compare,
@@ -161,19 +166,19 @@ fn one_by_one<T: Tracer>(
         PerKind::try_of(|kind| times(kind, &rays.kinds[kind], [tracer], options.repeats).map(|[times]| times))
     };
     let tracer = (make.before)()?;
-    let view_before = View::of(&tracer, rays)?;
+    let view_before = View::of(&tracer, rays, aimed)?;
     let timed = timed_rays(before, rays, &tracer, options)?;
     let timed = timed.as_ref().unwrap_or(rays);
     let mut times_before = all_times(&tracer, timed)?;
     drop(tracer);
     let tracer = (make.after)()?;
-    let view_after = View::of(&tracer, rays)?;
+    let view_after = View::of(&tracer, rays, aimed)?;
     let mut times_after = all_times(&tracer, timed)?;
     let seconds = PerKind::of(|kind| {
         Sides { before: &mut times_before, after: &mut times_after }.map(|times| std::mem::take(&mut times[kind]))
     });
     let kinds = PerKind::of(|kind| KindSpeed::one_after_the_other(timed.kinds[kind].len(), &seconds[kind]));
-    Ok(seen(rays, Sides { before: view_before, after: view_after }, Timed { kinds, seconds }, compare))
+    Ok(seen(rays, aimed, Sides { before: view_before, after: view_after }, Timed { kinds, seconds }, compare))
 }
 
 /// One tracer's results for the compared rays.
@@ -181,6 +186,8 @@ struct View {
     device: String,
     /// The first hits.
     closest: PerKind<Vec<Option<Hit>>>,
+    /// Whether each aimed ray hits anything.
+    aimed: Vec<bool>,
     /// Number of rays that the tracer reports as hitting something in one query and nothing in the other.
     contradictions: u64,
     built: Option<Built>,
@@ -188,7 +195,7 @@ struct View {
 }
 
 impl View {
-    fn of<T: Tracer>(tracer: &T, rays: &Rays) -> Result<View, T::Error> {
+    fn of<T: Tracer>(tracer: &T, rays: &Rays, aimed: &Aimed) -> Result<View, T::Error> {
         let mut contradictions = 0;
         let closest = PerKind::try_of(|kind| {
             let prepared = tracer.prepare(&rays.kinds[kind])?;
@@ -202,6 +209,7 @@ impl View {
         Ok(View {
             device: tracer.device(),
             closest,
+            aimed: tracer.occluded(&tracer.prepare(&aimed.rays)?)?,
             contradictions,
             built: tracer.built(),
             opaque_textures: tracer.opaque_textures(),
@@ -209,17 +217,18 @@ impl View {
     }
 }
 
-fn seen(rays: &Rays, views: Sides<View>, timed: Timed, compare: impl Compare) -> Seen {
+fn seen(rays: &Rays, aimed: &Aimed, views: Sides<View>, timed: Timed, compare: impl Compare) -> Seen {
     let Sides { before, after } = views;
     let mut tally = Tally::default();
     for (kind, rays) in rays.kinds.iter() {
         tally.add(compare(kind, rays, Sides { before: &before.closest[kind], after: &after.closest[kind] }));
     }
     tally.tracer_faults += before.contradictions + after.contradictions;
+    let seams = Seams::count(aimed, Sides { before: &before.aimed, after: &after.aimed });
     let opaque = [(Side::Before, before.opaque_textures), (Side::After, after.opaque_textures)];
     let notes = opaque.into_iter().filter_map(|(side, textures)| Some(Note::OpaqueTextures(side, textures?))).collect();
     let structures = before.built.zip(after.built).map(|(before, after)| Structures::of(&Sides { before, after }));
-    Seen { device: before.device, view: rays.view.clone(), tally, timed, structures, notes }
+    Seen { device: before.device, view: rays.view.clone(), tally, seams, timed, structures, notes }
 }
 
 /// Times rays of one kind, which are prepared only for this purpose.

@@ -2,8 +2,10 @@
 //!
 //! A file fails if
 //! - the exact comparison finds a triangle missing, repeated, unknown, of another material, flipped or moved by more
-//!   than the position error allowed, or
-//! - a ray hits something else in it than in the input, and neither rounding nor a tie explains that.
+//!   than the position error allowed,
+//! - a ray hits something else in it than in the input, and neither rounding nor a tie explains that, or
+//! - more rays aimed at its edges and vertices are lost than in the input, by more than chance explains
+//!   ([`Seams::is_worse`]).
 //!
 //! Rounding explains a difference if the ray passes the edge of the triangle at issue within the slack, the sum of
 //! - [`ROUNDINGS`](super::compare::ROUNDINGS) times half the spacing of 32-bit floats at 1 times the largest numbers
@@ -17,6 +19,7 @@ use serde::Serialize;
 
 use super::build::Structures;
 use super::compare::{Histogram, Tally};
+use super::seams::Seams;
 use super::speed::KindSpeed;
 use super::structure::{Fault, Structure};
 use super::tracing::Seen;
@@ -44,6 +47,8 @@ pub struct Verification {
     pub far_hits: u64,
     /// Number of rays for which the tracer itself was wrong: it missed the truth in the input, or in both files alike.
     pub tracer_faults: u64,
+    /// Rays aimed at edges and vertices, which are in none of the other numbers.
+    pub seams: Seams,
     /// Largest distance error of the output's hits against the truth, over the distance (or over a thousandth of half
     /// the scene's diagonal if that is more).
     pub max_relative_distance_error: f64,
@@ -87,6 +92,7 @@ pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOp
     let tally = seen.tally;
     let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
     failures.extend(ray_failure(&tally));
+    failures.extend(seen.seams.is_worse().then_some(Failure::Seams(seen.seams)));
     Verification {
         device: seen.device,
         view: seen.view,
@@ -97,6 +103,7 @@ pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOp
         ties: tally.ties,
         far_hits: tally.far_hits,
         tracer_faults: tally.tracer_faults,
+        seams: seen.seams,
         max_relative_distance_error: tally.after.max,
         rms_relative_distance_error: tally.after.rms(),
         before_max_relative_distance_error: tally.before.max,

@@ -106,8 +106,10 @@ fn the_json_report_has_the_promised_keys() {
     assert_keys(&report["method"]["candidates"], "0", candidate);
     assert_keys(&report["passes"], "0", "name applied reason seconds");
     let verify = "device rays hits mismatches far_hits max_relative_distance_error rms_relative_distance_error \
-                  position_error_ratio kinds";
+                  position_error_ratio kinds seams";
     assert_keys(&report, "verify", verify);
+    let seams = "rays before_lost after_lost before_lost_per_million after_lost_per_million opened closed";
+    assert_keys(&report["verify"], "seams", seams);
     for kind in RayKind::ALL.map(RayKind::name) {
         let rates = "before_mrays_per_s after_mrays_per_s speedup_ratio spread_ratio";
         assert_keys(&report["verify"]["kinds"], kind, rates);
