@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::places::{Core, Place};
+use super::places::Place;
 use super::{Aimed, Class, scaled_normal};
 use crate::scene::Scene;
 use crate::verify::approach::Approach;
@@ -26,49 +26,49 @@ const ROUNDED_SHARE: f64 = 0.25;
 /// Random number stream of the rays.
 const STREAM: u64 = 111;
 
-/// Aims rays at places.
+/// Aims rays at places of a scene.
 pub(super) struct Aim<'a> {
     scene: &'a Scene,
-    places: &'a [Place],
-    /// The places of each class that has any.
-    by_class: Vec<(Class, Vec<usize>)>,
     magnitudes: Vec<Magnitude>,
     displacement: f64,
     diagonal: f64,
     seed: u64,
 }
 
+/// The places of each class that has any.
+type ByClass<'p> = Vec<(Class, Vec<&'p Place>)>;
+
 impl<'a> Aim<'a> {
-    /// Prepares to aim at places, each of the given class.
-    pub(super) fn new(scene: &'a Scene, places: &'a [Place], classes: &[Class], displacement: f64, seed: u64) -> Self {
-        let of = |class: Class| -> Vec<usize> { (0..places.len()).filter(|&i| classes[i] == class).collect() };
-        let by_class =
-            Class::ALL.map(|class| (class, of(class))).into_iter().filter(|(_, of)| !of.is_empty()).collect();
-        let has_places = !places.is_empty();
-        Aim {
-            scene,
-            places,
-            by_class,
-            magnitudes: if has_places { magnitudes(scene) } else { Vec::new() },
-            displacement,
-            diagonal: if has_places { 2.0 * Stage::new(scene.bounds()).radius } else { 0.0 },
-            seed,
-        }
+    /// Prepares to aim at places of a scene that has some.
+    pub(super) fn new(scene: &'a Scene, displacement: f64, seed: u64) -> Self {
+        let diagonal = 2.0 * Stage::new(scene.bounds()).radius;
+        Aim { scene, magnitudes: magnitudes(scene), displacement, diagonal, seed }
+    }
+
+    /// Whether rays to the middle of a place, straight from the front, cannot pass the triangles around.
+    pub(super) fn is_covered(&self, place: &Place) -> bool {
+        let target = place.target(0.5);
+        let slack = |rounding: f64| ROUNDED_SHARE * rounding + self.displacement;
+        let covered = |normal: DVec3| clearance(target, -normal, &place.ring);
+        mean_normal(target, &place.ring).is_some_and(|n| covered(n) > slack(self.rounding(place, target.abs())))
     }
 
     /// Returns up to `count` rays, an equal share for each class, half of them from near and half from far.
-    pub(super) fn rays(&self, count: usize) -> Aimed {
-        let count = if self.by_class.is_empty() { 0 } else { count };
-        let (rays, classes) = (0..count).into_par_iter().filter_map(|i| self.ray(i)).unzip();
+    pub(super) fn rays(&self, places: &[Place], classes: &[Class], count: usize) -> Aimed {
+        let of = |class: Class| places.iter().zip(classes).filter(|at| *at.1 == class).map(|at| at.0).collect();
+        let all: ByClass = Class::ALL.map(|class| (class, of(class))).into();
+        let by_class: ByClass = all.into_iter().filter(|(_, of)| !of.is_empty()).collect();
+        let count = if by_class.is_empty() { 0 } else { count };
+        let (rays, classes) = (0..count).into_par_iter().filter_map(|i| self.ray(&by_class, i)).unzip();
         Aimed { rays, classes }
     }
 
-    fn ray(&self, index: usize) -> Option<(Ray, Class)> {
+    fn ray(&self, by_class: &ByClass, index: usize) -> Option<(Ray, Class)> {
         let mut random = Random::at(self.seed, STREAM, index);
-        let (class, places) = &self.by_class[index % self.by_class.len()];
-        let [least, most] = if index / self.by_class.len() % 2 == 0 { NEAR } else { FAR };
+        let (class, places) = &by_class[index % by_class.len()];
+        let [least, most] = if (index / by_class.len()).is_multiple_of(2) { NEAR } else { FAR };
         let attempt = |_| {
-            let place = &self.places[places[random.below(places.len() as u64) as usize]];
+            let place = places[random.below(places.len() as u64) as usize];
             let distance = self.diagonal * (least + (most - least) * random.unit());
             self.attempt(place, distance, &mut random)
         };
@@ -77,10 +77,7 @@ impl<'a> Aim<'a> {
 
     /// Returns a ray to a random point of a place, unless rounding may take it past the triangles around.
     fn attempt(&self, place: &Place, distance: f64, random: &mut Random) -> Option<Ray> {
-        let target = match place.core {
-            Core::Edge([a, b]) => a + random.unit() * (b - a),
-            Core::Vertex(at) => at,
-        };
+        let target = place.target(random.unit());
         let turn = TURN * random.unit() * random.direction();
         let direction = (turn - mean_normal(target, &place.ring)?).try_normalize()?;
         let rounding = self.rounding(place, target.abs().max((target - distance * direction).abs()));

@@ -12,6 +12,7 @@ mod places;
 mod tests;
 
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use self::aim::Aim;
@@ -95,8 +96,13 @@ impl Aimed {
     ) -> Aimed {
         let count = options.rays_per_kind as usize;
         let places = places::find(before, count, options.seed);
+        if places.is_empty() {
+            return Aimed::default();
+        }
+        let aim = Aim::new(before, displacement, options.seed);
+        let places: Vec<Place> = places.into_par_iter().filter(|place| aim.is_covered(place)).collect();
         let classes = classes(before, &places, identity);
-        Aim::new(before, &places, &classes, displacement, options.seed).rays(count)
+        aim.rays(&places, &classes, count)
     }
 }
 

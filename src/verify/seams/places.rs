@@ -17,7 +17,7 @@ use crate::verify::random::{Random, mixed};
 /// Places where more triangles meet are left out.
 pub(super) const MOST_TRIANGLES: u32 = 64;
 /// Number of edges and vertices drawn for each place wanted: scenes have fewer between objects than inside them.
-const DRAWN_PER_PLACE: usize = 4;
+const DRAWN_PER_PLACE: usize = 2;
 /// Largest number drawn: they are held in memory, and each may be aimed at by many rays.
 const MOST_DRAWN: usize = 1 << 18;
 /// One of so many places drawn is a vertex, the others are edges.
@@ -33,6 +33,16 @@ pub(super) struct Place {
     pub(super) ring: Vec<DVec3>,
     /// The triangles; of several with the same corners, the first.
     pub(super) triangles: Vec<TriangleRef>,
+}
+
+impl Place {
+    /// Returns the vertex, or the point at a share of the way along the edge.
+    pub(super) fn target(&self, share: f64) -> DVec3 {
+        match self.core {
+            Core::Edge([a, b]) => a + share * (b - a),
+            Core::Vertex(at) => at,
+        }
+    }
 }
 
 /// World positions of an edge's ends or of a vertex.
@@ -67,7 +77,11 @@ impl Key {
 /// Returns a hash of a position; equal numbers have equal hashes.
 fn hash(p: DVec3) -> u64 {
     // Adding zero turns -0 into 0.
-    p.to_array().into_iter().fold(0, |hash, x| mixed(hash ^ (x + 0.0).to_bits()))
+    let [x, y, z] = p.to_array().map(|x| (x + 0.0).to_bits());
+    // Odd factors: the fractions of the square roots of 2, 3 and 5.
+    let [x, y, z] = [(x, 0x6a09_e667_f3bc_c909), (y, 0xbb67_ae85_84ca_a73b), (z, 0x3c6e_f372_fe94_f82b)]
+        .map(|(bits, factor)| bits.wrapping_mul(factor));
+    mixed(x ^ y.rotate_left(21) ^ z.rotate_left(42))
 }
 
 /// A set of hashes that answers quickly for most that are not in it.
