@@ -9,7 +9,7 @@
 mod aim;
 mod places;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -18,7 +18,7 @@ fn aimed_at(scene: &Scene) -> Aimed {
 }
 
 /// Returns a torus with a tube of radius 1 around a circle of radius 3, its corners on multiples of 2^-12.
-fn torus() -> Mesh {
+pub(in crate::verify) fn torus() -> Mesh {
     let (around, across) = (48, 24);
     let turn = |i: u32, n: u32| f64::from(i) / f64::from(n) * std::f64::consts::TAU;
     let corner = |i: u32, j: u32| {
@@ -33,12 +33,12 @@ fn torus() -> Mesh {
     mesh(0, vec![(None, positions, triangles)])
 }
 
-fn one(mesh: Mesh) -> Scene {
+pub(in crate::verify) fn one(mesh: Mesh) -> Scene {
     scene(vec![mesh], &[(0, DAffine3::IDENTITY)])
 }
 
 /// Returns a scene as a bake writes it with every second run of `run` triangles in the second of two frames.
-fn cut(before: &Scene, frames: [DAffine3; 2], run: u32) -> Scene {
+pub(in crate::verify) fn cut(before: &Scene, frames: [DAffine3; 2], run: u32) -> Scene {
     let half = |(number, frame): (u32, DAffine3)| {
         let mut group = baked(before, frame);
         let geometry = &mut group.meshes[0].geometries[0];

@@ -6,7 +6,7 @@ use super::*;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::test_scenes::room;
 use crate::verify::tests::{baked, tilted};
-use crate::verify::{Sides, Verification, VerifyOptions, verify, verify_with};
+use crate::verify::{Failure, Sides, Verification, VerifyOptions, seams, verify, verify_with};
 
 fn options() -> VerifyOptions {
     VerifyOptions { rays_per_kind: 1024, repeats: 1, ..VerifyOptions::default() }
@@ -39,6 +39,20 @@ fn a_bake_shows_the_same_on_a_device_as_on_the_cpu() {
             // Software drivers intersect less accurately than the CPU tracer.
             assert!(found.max_relative_distance_error < 1e-3, "{}", found.max_relative_distance_error);
         }
+    });
+}
+
+#[test]
+fn cracks_between_groups_in_frames_of_their_own_are_found_on_a_device() {
+    on_device(|device| {
+        let torus = seams::tests::one(seams::tests::torus());
+        let after = |frames| seams::tests::cut(&torus, frames, 12);
+        let cracked = on(device, &torus, &after([tilted(), DAffine3::IDENTITY]), &options());
+        assert!(matches!(cracked.failures[..], [Failure::Seams(_)]), "{cracked}");
+        assert!(cracked.seams.across_groups.after_lost > 10, "{:?}", cracked.seams);
+        let sound = on(device, &torus, &after([DAffine3::IDENTITY; 2]), &options());
+        assert!(sound.passed(), "{sound}");
+        assert_eq!((sound.seams.rays, sound.seams.opened, sound.seams.closed), (1024, 0, 0));
     });
 }
 
