@@ -26,6 +26,8 @@ pub(super) struct Known<'a> {
     pub(super) own: &'a [Option<Box<Own>>],
     /// The frame of the tree.
     pub(super) base: Turned,
+    /// A node is not divided into parts of fewer triangles unless a bound demands it.
+    pub(super) fewest: u32,
 }
 
 /// Costs of a node in squared units, and the choices that lead to them.
@@ -166,7 +168,9 @@ fn decide(known: &Known, limits: &Limits) -> Vec<Decision> {
         let leaves = own.map_or(f64::INFINITY, price);
         // A leaf cannot be divided, so it may be a group whatever its size.
         let group = if allowed || children.is_none() { limits.entry_cost * fact.loose + stays } else { f64::INFINITY };
-        let may_divide = limits.divide || !allowed;
+        let is_large = |child: u32| known.facts[child as usize].triangles >= known.fewest;
+        let are_large = !node.is_leaf() && [node.first, node.first + 1].into_iter().all(is_large);
+        let may_divide = !allowed || (limits.divide && are_large);
         let divided = children
             .filter(|_| may_divide)
             .map_or(f64::INFINITY, |[a, b]| TRAVERSAL * fact.world_area + a.outside + b.outside);

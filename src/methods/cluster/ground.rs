@@ -157,14 +157,14 @@ impl ClusterInput {
         };
         let none = if parts.is_none() { vec![None; facts.len()] } else { Vec::new() };
         let own = parts.map_or(&none, |parts| &parts.own);
-        let known = Known { tree: &self.tree, facts, own, base: self.base };
+        let known = Known { tree: &self.tree, facts, own, base: self.base, fewest: 0 };
         let (groups, cost) = dynamic_programming::cut(&known, limits);
         let peeled = limits.max_extent.is_infinite().then(|| dynamic_programming::peel(&known, limits)).flatten();
         let segments = segments.map_or(&[][..], |segments| segments);
         let without_units =
             parts.filter(|_| limits.units).and_then(|parts| self.cut_without_units(&parts.units, limits, segments));
         let by_components = parts.and_then(|parts| parts.by_components.as_ref()).map(|by| {
-            let known = Known { tree: &by.tree, facts: &by.facts, own: &by.own, base: self.base };
+            let known = Known { tree: &by.tree, facts: &by.facts, own: &by.own, base: self.base, fewest: 0 };
             dynamic_programming::cut(&known, limits)
         });
         let others = [without_units, peeled, by_components];
@@ -234,7 +234,7 @@ impl ClusterInput {
             own = met.own(&own);
             facts = met.into_facts();
         }
-        dynamic_programming::cut(&Known { tree: &tree, facts: &facts, own: &own, base: self.base }, limits)
+        dynamic_programming::cut(&Known { tree: &tree, facts: &facts, own: &own, base: self.base, fewest: 0 }, limits)
     }
 }
 

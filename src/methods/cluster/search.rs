@@ -132,11 +132,10 @@ impl Search<'_> {
         tree.order.iter_mut().for_each(|i| *i = items[*i as usize]);
         let facts = facts(self.soup, &tree, frame);
         let own = vec![None; facts.len()];
-        let (groups, cost) =
-            dynamic_programming::cut(&Known { tree: &tree, facts: &facts, own: &own, base: *frame }, self.limits);
+        let known = Known { tree: &tree, facts: &facts, own: &own, base: *frame, fewest: self.limits.min_turned };
+        let (groups, cost) = dynamic_programming::cut(&known, self.limits);
         let whole = self.limits.entry_cost * facts[0].loose + facts[0].inside;
-        let large = |group: &Group| group.items.len() >= self.limits.min_turned as usize;
-        match cost < (1.0 - WORTH) * whole && groups.iter().all(large) {
+        match cost < (1.0 - WORTH) * whole {
             true => groups.into_iter().map(|group| self.member(group)).collect(),
             false => vec![member],
         }
