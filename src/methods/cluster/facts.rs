@@ -59,7 +59,7 @@ pub(super) struct Own {
 }
 
 /// Equal lengths that a part with a frame of its own may be divided into.
-const LENGTHS: [u32; 6] = [1, 2, 4, 8, 16, 32];
+pub(super) const LENGTHS: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
 impl Own {
     /// Returns the cost of the part in its frame, divided along its longest side into as many groups as pay: the world

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::Limits;
 use super::dynamic_programming::{self, Group, Known};
-use super::facts::facts;
+use super::facts::{LENGTHS, facts};
 use super::refit::Refit;
 use super::soup::{Soup, Turned};
 use crate::cost::sah::TRAVERSAL;
@@ -68,7 +68,7 @@ pub(super) fn divide_turned(soup: &Soup, groups: Vec<Group>, base: &Turned, limi
     let search = Search { soup, limits };
     let divided = |group: Group| match group.frame == *base {
         true => vec![group],
-        false => search.divide(search.member(group)).into_iter().map(|member| member.group).collect(),
+        false => search.divide_along(search.member(group)).into_iter().map(|member| member.group).collect(),
     };
     groups.into_par_iter().flat_map_iter(divided).collect()
 }
@@ -78,7 +78,8 @@ pub(super) fn improve(soup: &Soup, groups: Vec<Group>, limits: &Limits) -> Vec<G
     let search = Search { soup, limits };
     let mut members: Vec<Member> = groups.into_par_iter().map(|group| search.member(group)).collect();
     if limits.divide {
-        members = members.into_par_iter().flat_map_iter(|member| search.divide(member)).collect();
+        let divide = |member| search.divide(member).into_iter().flat_map(|part| search.divide_along(part));
+        members = members.into_par_iter().flat_map_iter(divide).collect();
     }
     for _ in 0..ROUNDS {
         sort(&mut members);
@@ -139,6 +140,35 @@ impl Search<'_> {
             true => groups.into_iter().map(|group| self.member(group)).collect(),
             false => vec![member],
         }
+    }
+
+    /// Returns a group in a frame of its own divided along its longest side into as many parts of equally many triangles
+    /// as pay: the world box of a long part that lies diagonally is large. A tree seldom divides it there.
+    fn divide_along(&self, member: Member) -> Vec<Member> {
+        let Group { items, frame } = &member.group;
+        if *frame == Turned::NOT || items.len() > MOST {
+            return vec![member];
+        }
+        let size = member.fit.bounds.size();
+        let axis = if size.x == size.max_element() { 0 } else { 1 + usize::from(size.z > size.y) };
+        let place = |&t: &u32| self.soup.bounds_in(frame, t).center()[axis];
+        let mut sorted: Vec<(f64, u32)> = items.iter().map(|t| (place(t), *t)).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let part =
+            |part: &[(f64, u32)]| self.member(Group { items: part.iter().map(|&(_, t)| t).collect(), frame: *frame });
+        let mut best = (self.cost(&member.fit), vec![member.clone()]);
+        for &lengths in &LENGTHS[1..] {
+            let count = items.len().div_ceil(lengths as usize);
+            if count < self.limits.min_turned.max(1) as usize {
+                break;
+            }
+            let parts: Vec<Member> = sorted.chunks(count).map(part).collect();
+            let cost = parts.iter().map(|part| self.cost(&part.fit)).sum::<f64>();
+            if cost < (1.0 - WORTH) * best.0 {
+                best = (cost, parts);
+            }
+        }
+        best.1
     }
 
     /// Joins neighbours that gain most from each other; returns whether there were any.

@@ -188,8 +188,9 @@ fn crossing_strands_leave_one_by_one() {
     }
     let scene = builder.scene();
     let layout = checked(&scene, &options());
-    assert!(layout.groups.len() >= 40, "{}", layout.groups.len());
-    assert!(frames(&layout).iter().filter(|f| is_turned(f)).count() >= 38);
+    // Neighbours, which differ by four degrees, may share a frame.
+    assert!((20..=40).contains(&layout.groups.len()), "{}", layout.groups.len());
+    assert!(frames(&layout).iter().all(is_turned));
 }
 
 #[test]
@@ -236,4 +237,35 @@ fn equal_and_degenerate_triangles_are_grouped_too() {
     let scene = builder.scene();
     let layout = checked(&scene, &options());
     assert_eq!(group_sizes(&scene, &layout).iter().sum::<usize>(), 5100);
+}
+
+/// A rod of four lengths with six sides, along a diagonal.
+fn rod(at: DVec3, rotation: DMat3) -> Vec<[Vec3; 3]> {
+    let corner = |length: usize, side: usize| {
+        let (sin, cos) = (side as f64 * std::f64::consts::TAU / 6.0).sin_cos();
+        (at + rotation * DVec3::new(10.0 * length as f64, 0.1 * cos, 0.1 * sin)).as_vec3()
+    };
+    let square = |i: usize| {
+        let (length, side) = (i / 6, i % 6);
+        let [a, b] = [length, length + 1].map(|l| corner(l, side));
+        let [d, c] = [length, length + 1].map(|l| corner(l, (side + 1) % 6));
+        [[a, b, c], [a, c, d]]
+    };
+    (0..24).flat_map(square).collect()
+}
+
+#[test]
+fn long_rods_are_divided_within_one_frame() {
+    let mut builder = SceneBuilder::default();
+    for i in 0..12 {
+        let i = f64::from(i);
+        let at = DVec3::new(7.0 * i.sin(), 5.0 * (2.0 * i).cos(), i);
+        builder.object("rod", 0, rod(at, turned([1.3 * i, 0.7 * i, 2.1 * i + 0.5])));
+    }
+    let scene = builder.scene();
+    let layout =
+        checked(&scene, &bounded(ClusterOptions { min_turned_triangles: 6, ..ClusterOptions::default() }, 5.0));
+    let sizes = group_sizes(&scene, &layout);
+    assert!(frames(&layout).iter().all(is_turned), "{sizes:?}");
+    assert!(sizes.len() >= 40, "{sizes:?}");
 }
