@@ -175,9 +175,9 @@ impl Drawn {
             return met;
         }
         let geometry = &scene.mesh_of(InstanceId(chunk.instance)).geometries[chunk.geometry];
-        let world = |p: glam::Vec3| instance.transform.transform_point3(p.as_dvec3());
+        let world = |p: DVec3| instance.transform.transform_point3(p);
         for (t, at) in chunk.triangles.clone().zip(chunk.refs(scene)) {
-            let hashes = geometry.corners(t).map(|p| hash(world(p)));
+            let hashes = geometry.exact_corners(t).map(|p| hash(world(p)));
             let maybe = hashes.map(|hash| self.sieve.may_contain(hash));
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let keys = [

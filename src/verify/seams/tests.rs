@@ -243,3 +243,13 @@ fn the_sign_test_is_exact() {
     let seams = |opened| Seams { opened, ..Seams::default() };
     assert!(!seams(9).is_worse() && seams(10).is_worse());
 }
+
+#[test]
+fn decimals_beyond_single_precision_are_welded_as_they_stand_in_the_file() {
+    let mut torus = torus();
+    let geometry = &mut torus.geometries[0];
+    let beyond = |p: &Vec3| Vec3::new(1e-9 * p.y, -1e-9 * p.z, 1e-9);
+    geometry.residuals = Some(geometry.positions.iter().map(beyond).collect());
+    let aimed = aimed_at(&one(torus));
+    assert_eq!(aimed.rays.len(), 2048);
+}
