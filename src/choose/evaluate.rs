@@ -85,7 +85,7 @@ const FAR: f64 = 1024.0;
 /// Where a scene is seen from when layouts are ranked: so far from the origin that rays in single precision miss what
 /// they are meant for, what they meet tells nothing of layouts.
 fn vantage(scene: &Scene) -> DVec3 {
-    let bounds = scene.bounds();
+    let bounds = scene.core().bounds();
     let is_far = bounds.center().abs().max_element() > FAR * bounds.diagonal();
     if is_far { bounds.center() } else { DVec3::ZERO }
 }

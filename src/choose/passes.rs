@@ -89,7 +89,9 @@ pub enum Reason {
     FewFreeInstances,
     /// No two instance boxes overlap.
     NoOverlap,
-    /// Instance boxes overlap.
+    /// No two instance boxes of the scene's core overlap, but objects outside it overlap others.
+    OnlyApartOverlap,
+    /// Instance boxes of the scene's core overlap.
     Overlap,
     /// No mesh is placed twice by instances that may be restructured.
     NoSharedMesh,
@@ -234,9 +236,8 @@ pub(super) fn worth_a_try(
     plans: Vec<Plan>,
     options: &ChooseOptions,
 ) -> (Vec<Plan>, Vec<Pass>) {
-    let overlap = before.overlap_ratio > 0.0;
     let forbidden = options.forbidden;
-    let (separate, instances) = (separate(scene, overlap), choose_instances(scene, overlap));
+    let (separate, instances) = (separate(scene, before), choose_instances(scene, before));
     let instances = unless(instances, forbidden.choose_instances);
     let frames = unless(frames(scene), !options.layout.instances.frames);
     let isolate = unless(isolate(scene), forbidden.isolate);
@@ -300,28 +301,36 @@ fn unless(pass: Pass, forbidden: bool) -> Pass {
     }
 }
 
-fn separate(scene: &Scene, overlap: bool) -> Pass {
-    let start = Instant::now();
-    let free = scene.instances.iter().filter(|i| i.pinned.is_none()).count();
-    let reason = match (free, overlap) {
-        (0 | 1, _) => Reason::FewFreeInstances,
-        (_, false) => Reason::NoOverlap,
-        _ => Reason::Overlap,
-    };
-    Pass::since(start, PassId::ReduceOverlap, free > 1 && overlap, reason)
+/// Returns why nothing needs to be done against overlap; `None` if instance boxes of the core overlap.
+fn lack_of_overlap(before: &Metrics) -> Option<Reason> {
+    if before.core_overlap_ratio > 0.0 {
+        return None;
+    }
+    Some(if before.overlap_ratio > 0.0 { Reason::OnlyApartOverlap } else { Reason::NoOverlap })
 }
 
-fn choose_instances(scene: &Scene, overlap: bool) -> Pass {
+fn separate(scene: &Scene, before: &Metrics) -> Pass {
+    let start = Instant::now();
+    let free = scene.instances.iter().filter(|i| i.pinned.is_none()).count();
+    let reason = match (free, lack_of_overlap(before)) {
+        (0 | 1, _) => Reason::FewFreeInstances,
+        (_, Some(lack)) => lack,
+        (_, None) => Reason::Overlap,
+    };
+    Pass::since(start, PassId::ReduceOverlap, reason == Reason::Overlap, reason)
+}
+
+fn choose_instances(scene: &Scene, before: &Metrics) -> Pass {
     let start = Instant::now();
     let mut free = vec![0u32; scene.meshes.len()];
     scene.instances.iter().filter(|i| i.pinned.is_none()).for_each(|i| free[i.mesh.0 as usize] += 1);
     let shared = free.iter().any(|&count| count > 1);
-    let reason = match (shared, overlap) {
+    let reason = match (shared, lack_of_overlap(before)) {
         (false, _) => Reason::NoSharedMesh,
-        (_, false) => Reason::NoOverlap,
-        _ => Reason::SharedOverlap,
+        (true, Some(lack)) => lack,
+        (true, None) => Reason::SharedOverlap,
     };
-    Pass::since(start, PassId::ChooseInstances, shared && overlap, reason)
+    Pass::since(start, PassId::ChooseInstances, reason == Reason::SharedOverlap, reason)
 }
 
 fn frames(scene: &Scene) -> Pass {

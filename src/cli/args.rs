@@ -173,10 +173,10 @@ struct LayoutArguments {
     /// bvh: upper limit on tree nodes, per triangle of the scene
     #[arg(long, value_name = "RATIO", default_value_t = BvhOptions::default().nodes_per_triangle_ratio, value_parser = ratio)]
     nodes_per_triangle_ratio: f64,
-    /// bvh: do not split a node if its box area over the scene's is below this
+    /// bvh: do not split a node if its box area over that of the scene's core is below this
     #[arg(long, value_name = "RATIO", default_value_t = BvhOptions::default().min_area_ratio, value_parser = ratio)]
     min_area_ratio: f64,
-    /// overlap: ignore pairs whose overlap area over the scene's box area is at most this
+    /// overlap: ignore pairs whose overlap area over the box area of the scene's core is at most this
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().skip_overlap_ratio, value_parser = ratio)]
     skip_overlap_ratio: f64,
     /// overlap: split pairs whose overlap over their joint box is below this; merge the others
@@ -185,7 +185,7 @@ struct LayoutArguments {
     /// overlap: split both objects of a pair in the middle below this, at their overlap above it
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().split_ratio, value_parser = ratio)]
     split_ratio: f64,
-    /// overlap: stop when the overlap ratio of the scene falls below this
+    /// overlap: stop when the overlap ratio of the scene's core falls below this
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().termination_overlap_ratio, value_parser = ratio)]
     termination_overlap_ratio: f64,
     /// bvh, overlap: do not split objects with at most this many triangles

@@ -2,6 +2,7 @@
 
 pub mod boxes;
 pub mod bytes;
+pub mod core_overlap;
 pub mod mesh_trees;
 pub mod overlap;
 pub mod sah;
@@ -34,6 +35,9 @@ pub struct Metrics {
     pub triangles_placed: u64,
     /// Overlap ratio of the instances' world boxes, relative to the scene's box; best 0. See [`overlap`].
     pub overlap_ratio: f64,
+    /// Overlap ratio of the instances in the core of the scene, relative to the core's box; best 0; equal to
+    /// `overlap_ratio` if the core is the whole scene. See [`core_overlap`].
+    pub core_overlap_ratio: f64,
     /// SAH cost of the two-level tree taken as one tree; lower is better. See [`TwoLevelCost::flat_cost`].
     pub sah_cost: f64,
     /// Two-level cost; lower is better. See [`TwoLevelCost::cost`].
@@ -68,8 +72,13 @@ pub fn measure_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Metric
     let scene_area = scene.bounds().area();
     let costs = TwoLevelCost::of(&structure, layout);
     let boxes = BoxesPerPoint::of(&structure, &surface::points(scene, boxes::POINTS));
+    let overlap_ratio = share(overlap::shared_area(&structure.boxes), scene_area);
     Metrics {
-        overlap_ratio: share(overlap::shared_area(&structure.boxes), scene_area),
+        overlap_ratio,
+        core_overlap_ratio: match scene.core().is_whole() {
+            true => overlap_ratio,
+            false => core_overlap::ratio(scene, layout, &structure.boxes),
+        },
         sah_cost: costs.flat_cost(scene_area),
         two_level_cost: costs.cost(scene_area),
         boxes_per_point_mean: boxes.mean,
@@ -178,9 +187,16 @@ mod tests {
     }
 
     fn all_finite(m: &Metrics) -> bool {
-        [m.overlap_ratio, m.sah_cost, m.two_level_cost, m.boxes_per_point_mean, m.boxes_per_point_p95]
-            .iter()
-            .all(|v| v.is_finite() && *v >= 0.0)
+        [
+            m.overlap_ratio,
+            m.core_overlap_ratio,
+            m.sah_cost,
+            m.two_level_cost,
+            m.boxes_per_point_mean,
+            m.boxes_per_point_p95,
+        ]
+        .iter()
+        .all(|v| v.is_finite() && *v >= 0.0)
     }
 
     #[test]

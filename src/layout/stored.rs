@@ -30,6 +30,7 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
         copied_nodes: scene.copied_nodes.clone(),
         stand_ins: Arc::default(),
         boxes: Known::default(),
+        core: Known::default(),
     }
 }
 

@@ -76,6 +76,26 @@ pub(crate) fn row(start: Vec3, count: usize) -> Vec<[Vec3; 3]> {
     (0..count).map(|i| small_triangle(start + Vec3::X * i as f32)).collect()
 }
 
+/// Eight heaps of two objects that overlap, without exceptions, with a dome 20 times as large around them, or also with
+/// an object far away.
+pub(crate) fn heaps(exceptions: u32) -> Scene {
+    let mut builder = SceneBuilder::default();
+    for i in 0..8 {
+        let corner = Vec3::new(15.0 * (i % 4) as f32, 15.0 * (i / 4) as f32, 3.0 * i as f32);
+        let layer = |by: f32| (0..6).flat_map(move |y| row(corner + Vec3::new(by, by + y as f32, 0.1 * y as f32), 12));
+        builder.object("low", 0, layer(0.0).collect());
+        builder.object("high", 1, layer(0.1 + 0.7 * i as f32).collect());
+    }
+    if exceptions > 0 {
+        let middle = Vec3::new(30.0, 15.0, 12.0);
+        builder.object("sky", 0, vec![[middle - 600.0, middle + Vec3::new(600.0, -600.0, 0.0), middle + 600.0]]);
+    }
+    if exceptions > 1 {
+        builder.object("moon", 0, row(Vec3::new(0.0, 1e6, 0.0), 1));
+    }
+    builder.scene()
+}
+
 /// A triangle with edges of about half a unit, not flat along any axis.
 pub(crate) fn small_triangle(corner: Vec3) -> [Vec3; 3] {
     [corner, corner + Vec3::new(0.5, 0.0, 0.25), corner + Vec3::new(0.0, 0.5, 0.25)]

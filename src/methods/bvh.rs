@@ -43,7 +43,7 @@ fn split_all(pieces: &mut Pieces, options: &BvhOptions, layout: &mut Builder) ->
     let mut queue: VecDeque<(Piece, Bounds)> = pieces.whole().into();
     let triangles: usize = queue.iter().map(|(piece, _)| piece.len()).sum();
     let allowed = options.nodes_per_triangle_ratio * triangles as f64;
-    let min_area = options.min_area_ratio * pieces.scene_area;
+    let min_area = options.min_area_ratio * pieces.core_area;
     let mut nodes = queue.len();
     if allowed < (nodes + 2) as f64 && nodes > 0 {
         let allowed = allowed.max(0.0) as u64;

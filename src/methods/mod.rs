@@ -4,7 +4,6 @@ mod bvh;
 mod cluster;
 mod frames;
 mod instancing;
-mod isolate;
 mod keep;
 mod options;
 mod overlap;

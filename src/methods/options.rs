@@ -93,7 +93,7 @@ pub struct SingleOptions {
 pub struct BvhOptions {
     /// Node budget relative to the triangles of the scene (thesis: 1e-3).
     pub nodes_per_triangle_ratio: f64,
-    /// Nodes whose box area relative to the scene's is smaller than this are not split. The thesis gives no value; it
+    /// Nodes whose box area relative to that of the scene's core is smaller than this are not split. The thesis gives no value; it
     /// only stops a division with an ample node budget.
     pub min_area_ratio: f64,
     /// Objects with at most this many triangles are not split (thesis: 8).
@@ -110,7 +110,7 @@ impl Default for BvhOptions {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct OverlapOptions {
-    /// Pairs whose overlap area relative to the scene box's area is at most this are left alone (thesis: 0.005).
+    /// Pairs whose overlap area relative to the area of the core's box is at most this are left alone (thesis: 0.005).
     pub skip_overlap_ratio: f64,
     /// Pairs whose overlap area relative to the area of their union is below this are split, others merged (thesis:
     /// 0.5).
@@ -119,7 +119,7 @@ pub struct OverlapOptions {
     /// the overlap. The thesis gives no value; the default is half of `split_or_merge_ratio`, because the remaining
     /// overlap hardly depends on it.
     pub split_ratio: f64,
-    /// Stop when the overlap ratio of the scene falls below this. The thesis gives no value; it is off by default.
+    /// Stop when the overlap ratio of the scene's core falls below this. The thesis gives no value; it is off by default.
     pub termination_overlap_ratio: f64,
     /// Objects with at most this many triangles are not split (thesis: 8).
     pub min_triangles: usize,

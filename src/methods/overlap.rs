@@ -19,7 +19,9 @@
 //! - The layout of the round with the least overlap wins, but only if it lowers that of the input (whose instances may
 //!   hold several objects each), so the overlap of a scene never increases.
 //!
-//! Overlaps are relative to the box of the whole scene, and the ratio includes instances that stay unchanged.
+//! Overlaps are relative to the box of the scene's core ([`Core`](crate::scene::Core)), which is that of the scene if no
+//! object is set apart, and the ratio includes instances of the core that stay unchanged. Objects outside the core take
+//! no part: the box of a sky dome overlaps everything, and cutting objects where it does separates nothing.
 
 use rayon::prelude::*;
 
@@ -48,7 +50,7 @@ pub(super) fn overlap(scene: &Scene, instances: &InstanceOptions, options: &Over
         selection.place_left(&mut layout);
         let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
         let (groups, least) = reduction.least_overlap();
-        let input = overlap::ratio(scene.instance_boxes());
+        let input = overlap::ratio(&scene.core().instance_boxes(scene));
         if least < input {
             reduction.pieces.emit(&groups, &mut layout);
         } else {
@@ -66,6 +68,8 @@ struct Body {
     pieces: Vec<Piece>,
     bounds: Bounds,
     divisible: bool,
+    /// Whether it is an object outside the scene's core, which stays as it is.
+    apart: bool,
 }
 
 /// The state of the scene between rounds.
@@ -89,7 +93,12 @@ struct Task {
 impl<'a> Reduction<'a> {
     fn new(pieces: Pieces<'a>, options: &'a OverlapOptions) -> Self {
         let divisible = |piece: Piece| piece.len() > options.min_triangles;
-        let body = |(piece, bounds)| Body { pieces: vec![piece], bounds, divisible: divisible(piece) };
+        let body = |(piece, bounds)| Body {
+            pieces: vec![piece],
+            bounds,
+            divisible: divisible(piece),
+            apart: pieces.is_apart(piece),
+        };
         let bodies: Vec<Body> = pieces.whole().into_iter().map(body).collect();
         Reduction { pieces, options, live: (0..bodies.len()).collect(), bodies }
     }
@@ -110,7 +119,7 @@ impl<'a> Reduction<'a> {
     }
 
     fn overlap_ratio(&self) -> f64 {
-        let live = self.live.iter().map(|&body| self.bodies[body].bounds);
+        let live = self.live.iter().map(|&body| &self.bodies[body]).filter(|body| !body.apart).map(|body| body.bounds);
         overlap::ratio(&live.chain(self.pieces.others.iter().copied()).collect::<Vec<_>>())
     }
 
@@ -137,7 +146,8 @@ impl<'a> Reduction<'a> {
     fn queue(&self, overlap_ratio: f64) -> Vec<Task> {
         let min_ratio = self.options.skip_overlap_ratio.max(0.0);
         let bounds_at = |place: usize| self.bodies[self.live[place]].bounds;
-        let mut places: Vec<usize> = (0..self.live.len()).collect();
+        let mut places: Vec<usize> =
+            (0..self.live.len()).filter(|&place| !self.bodies[self.live[place]].apart).collect();
         // Upper bound on the number of pairs that can each exceed the minimum share of the overlap.
         let pairs_at_most = overlap_ratio / min_ratio;
         if places.len() > FEW_OBJECTS && pairs_at_most > MOST_PAIRS as f64 {
@@ -146,7 +156,7 @@ impl<'a> Reduction<'a> {
             places.sort_unstable();
         }
         let boxes: Vec<Bounds> = places.iter().map(|&place| bounds_at(place)).collect();
-        let mut pairs = overlap::pairs(&boxes, min_ratio * self.pieces.scene_area);
+        let mut pairs = overlap::pairs(&boxes, min_ratio * self.pieces.core_area);
         pairs.par_sort_by(|a, b| b.area.total_cmp(&a.area));
         let task = |pair: overlap::Pair| Task { places: [pair.a, pair.b].map(|i| places[i as usize]), area: pair.area };
         pairs.into_iter().map(task).collect()
@@ -189,7 +199,7 @@ impl<'a> Reduction<'a> {
     fn merge(&mut self, pair: [usize; 2]) -> usize {
         let [a, b] = pair.map(|body| self.baked_bounds(body));
         let pieces = pair.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
-        self.push(Body { pieces, bounds: a.union(&b), divisible: false })
+        self.push(Body { pieces, bounds: a.union(&b), divisible: false, apart: false })
     }
 
     /// Returns the box of a body once it cannot stay as it is in the input.
@@ -238,7 +248,8 @@ impl<'a> Reduction<'a> {
         parts.iter().all(|part| part.len() > 0).then(|| {
             parts.map(|part| {
                 let bounds = self.pieces.baked_bounds(part);
-                self.push(Body { pieces: vec![part], bounds, divisible: part.len() > self.options.min_triangles })
+                let divisible = part.len() > self.options.min_triangles;
+                self.push(Body { pieces: vec![part], bounds, divisible, apart: false })
             })
         })
     }
@@ -294,7 +305,7 @@ mod tests {
     }
 
     fn overlap_ratio(scene: &Scene, layout: &Layout) -> f64 {
-        overlap::ratio(&placed_bounds(scene, layout))
+        crate::cost::core_overlap::ratio(scene, layout, &placed_bounds(scene, layout))
     }
 
     /// The overlap ratio before any change.
@@ -443,6 +454,21 @@ mod tests {
         let scene = builder.scene();
         let layout = checked(&scene, &OverlapOptions::default());
         assert!(layout.groups.len() < 100, "{} groups", layout.groups.len());
+    }
+
+    #[test]
+    fn a_dome_and_a_far_object_leave_the_groups_of_the_rest_alone() {
+        let groups = |exceptions| group_names(&checked(&heaps(exceptions), &OverlapOptions::default()));
+        let plain = groups(0);
+        assert!(
+            plain.iter().any(|name| name.contains('+')) && plain.iter().any(|name| name.contains('.')),
+            "{plain:?}"
+        );
+        for exceptions in [1, 2] {
+            let mut with = groups(exceptions);
+            with.retain(|name| !["kept sky", "kept moon"].contains(&name.as_str()));
+            assert_eq!(with, plain);
+        }
     }
 
     #[test]

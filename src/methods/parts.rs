@@ -1,4 +1,4 @@
-//! Parts of restructured triangles that must not share a group: isolated objects ([`isolate`](super::isolate)),
+//! Parts of restructured triangles that must not share a group: isolated objects ([`apart`]),
 //! triangles that rays can pass through, and, if a consumer builds one BLAS per primitive, triangles that cannot share
 //! a geometry.
 
@@ -7,8 +7,7 @@ use std::collections::BTreeMap;
 use crate::layout::builder::Builder;
 use crate::layout::builder::{Geometries, GeometryKey, Object, key, objects};
 use crate::methods::PartOptions;
-use crate::methods::isolate::{Apart, apart};
-use crate::scene::{InstanceId, Opacity, Scene};
+use crate::scene::{Apart, InstanceId, Opacity, Scene, apart};
 
 /// Objects that may share a group.
 pub(super) struct Part {

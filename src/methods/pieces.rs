@@ -19,7 +19,7 @@ use crate::scene::{Bounds, Geometry, Scene, TriangleRef};
 pub(super) struct Item {
     /// Its box in world coordinates.
     pub(super) bounds: Bounds,
-    /// Mean of the corners relative to the middle of the scene ([`Pieces::seen_from_middle`]), where single precision
+    /// Mean of the corners relative to the middle of the scene's core ([`Pieces::seen_from_middle`]), where single precision
     /// is enough to choose a side.
     pub(super) centroid: Vec3,
     /// Index of the triangle in the object's mesh.
@@ -49,7 +49,7 @@ impl Piece {
     }
 }
 
-/// The objects that a method restructures, and the scene's box.
+/// The objects that a method restructures, and the box of the scene's core.
 pub(super) struct Pieces<'a> {
     scene: &'a Scene,
     objects: Vec<Object>,
@@ -59,10 +59,11 @@ pub(super) struct Pieces<'a> {
     items: Vec<Vec<Item>>,
     /// The box of each object.
     bounds: Vec<Bounds>,
-    /// Boxes of the instances that stay unchanged.
+    /// Boxes of the instances of the core that stay unchanged.
     pub(super) others: Vec<Bounds>,
-    /// Surface area of the scene's box.
-    pub(super) scene_area: f64,
+    /// Surface area of the box of the scene's core.
+    pub(super) core_area: f64,
+    /// Center of that box.
     middle: DVec3,
 }
 
@@ -80,7 +81,8 @@ impl<'a> Pieces<'a> {
         let bounds: Vec<Bounds> =
             objects.par_iter().zip(&shared).map(|(&object, &shared)| placed_bounds(scene, object, shared)).collect();
         let others: Vec<Bounds> = selection.left_bounds(scene);
-        let all = bounds.iter().chain(&others).fold(Bounds::EMPTY, |all, b| all.union(b));
+        let in_core = objects.iter().zip(&bounds).filter(|(object, _)| !scene.core().sets_apart(**object));
+        let core = in_core.map(|(_, b)| b).chain(&others).fold(Bounds::EMPTY, |all, b| all.union(b));
         Pieces {
             scene,
             items: vec![Vec::new(); objects.len()],
@@ -88,14 +90,19 @@ impl<'a> Pieces<'a> {
             shared,
             bounds,
             others,
-            scene_area: all.area(),
-            middle: all.center(),
+            core_area: core.area(),
+            middle: core.center(),
         }
     }
 
     /// Returns a world-space point in the coordinates of the stored centroids.
     pub(super) fn seen_from_middle(&self, point: DVec3) -> Vec3 {
         (point - self.middle).as_vec3()
+    }
+
+    /// Whether a piece is of an object outside the scene's core.
+    pub(super) fn is_apart(&self, piece: Piece) -> bool {
+        self.scene.core().sets_apart(self.objects[piece.object as usize])
     }
 
     /// Returns each object as one piece, with its box.

@@ -36,7 +36,8 @@ pub enum Severity {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Broken<'a> {
     /// The box of an object overlaps that of another, by this share of the scene's area.
-    Overlap { other: &'a str, ratio: f64 },
+    /// `of_core`: the core is smaller than the scene.
+    Overlap { other: &'a str, ratio: f64, of_core: bool },
     /// This many meshes repeat others exactly; sharing would save this many bytes.
     Repeated { meshes: usize, saved_bytes: u64 },
     /// This many triangles have no area.
@@ -61,8 +62,9 @@ impl Finding {
 impl Display for Broken<'_> {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         match *self {
-            Broken::Overlap { other, ratio } => {
-                write!(f, "its box overlaps that of `{other}` by {ratio:.4} of the scene's area")
+            Broken::Overlap { other, ratio, of_core } => {
+                let of = if of_core { "area of the scene's core" } else { "scene's area" };
+                write!(f, "its box overlaps that of `{other}` by {ratio:.4} of the {of}")
             }
             Broken::Repeated { meshes, saved_bytes } => {
                 let repeat = if meshes == 1 { "mesh repeats" } else { "meshes repeat" };

@@ -250,7 +250,7 @@ pub struct OverlappingPair {
     pub a: String,
     /// The second object.
     pub b: String,
-    /// Surface area of the intersection of their boxes over that of the scene's box.
+    /// Surface area of the intersection of their boxes over that of the box of the scene's core.
     pub overlap_ratio: f64,
 }
 

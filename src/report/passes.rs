@@ -107,6 +107,7 @@ fn words_of(id: PassId, reason: &Reason) -> String {
     let words = match reason {
         Reason::FewFreeInstances => "fewer than two instances may be restructured",
         Reason::NoOverlap => "no two instance boxes overlap",
+        Reason::OnlyApartOverlap => "only objects that enclose the rest or lie far outside overlap others",
         Reason::Overlap => "instance boxes overlap",
         Reason::NoSharedMesh => "no mesh is placed twice by instances that may be restructured",
         Reason::SharedOverlap => "instances of shared meshes overlap others",

@@ -109,10 +109,13 @@ pub fn inspect(report: &InspectReport) -> String {
     text += &input_line(&report.input);
     text += &list("warning", &report.warnings, true);
     text.push('\n');
-    let rows: Vec<Vec<String>> = metric_rows(&report.before).map(|(name, value)| vec![name.into(), value]).into();
+    let with_core = has_core(&report.before);
+    let rows: Vec<Vec<String>> =
+        metric_rows(&report.before, with_core).into_iter().map(|(name, value)| vec![name.into(), value]).collect();
     text += &table(&["", "as it is"], &rows);
     if !report.worst_pairs.is_empty() {
-        text += "\nworst overlapping pairs (intersection over the scene's area)\n";
+        let of = if with_core { "area of the scene's core" } else { "scene's area" };
+        let _ = writeln!(text, "\nworst overlapping pairs (intersection over the {of})");
         let rows: Vec<Vec<String>> = report
             .worst_pairs
             .iter()
@@ -203,12 +206,18 @@ fn passes(report: &BakeReport) -> String {
 }
 
 fn comparison(metrics: Sides<&Metrics>) -> Vec<Vec<String>> {
-    let Sides { before, after } = metrics.map(metric_rows);
+    let with_core = has_core(metrics.before) || has_core(metrics.after);
+    let Sides { before, after } = metrics.map(|m| metric_rows(m, with_core));
     before.into_iter().zip(after).map(|((name, before), (_, after))| vec![name.into(), before, after]).collect()
 }
 
-fn metric_rows(m: &Metrics) -> [(&'static str, String); 10] {
-    [
+/// Whether the ratio of the core says something that the overlap ratio does not.
+fn has_core(m: &Metrics) -> bool {
+    m.core_overlap_ratio != m.overlap_ratio
+}
+
+fn metric_rows(m: &Metrics, with_core: bool) -> Vec<(&'static str, String)> {
+    let mut rows = vec![
         ("mesh groups (BLAS)", grouped(m.mesh_groups)),
         ("geometries", grouped(m.geometries)),
         ("instances (TLAS)", grouped(m.instances)),
@@ -222,7 +231,11 @@ fn metric_rows(m: &Metrics) -> [(&'static str, String); 10] {
             format!("{:.2} (p95 {}, max {})", m.boxes_per_point_mean, m.boxes_per_point_p95, m.boxes_per_point_max),
         ),
         ("predicted bytes", format!("{} + {}", bytes(m.blas_bytes), bytes(m.tlas_bytes))),
-    ]
+    ];
+    if with_core {
+        rows.insert(6, ("overlap ratio of the core", format!("{:.3}", m.core_overlap_ratio)));
+    }
+    rows
 }
 
 fn rays(verify: &Verification, overall: &Speed) -> String {

@@ -43,6 +43,7 @@ pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning
         meshes: meshes.into(),
         stand_ins: Arc::default(),
         boxes: Known::default(),
+        core: Known::default(),
     };
     pin_whole_nodes(&mut scene.instances);
     alpha::attach(doc, &mut scene);

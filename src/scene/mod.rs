@@ -1,21 +1,26 @@
 //! [`Scene`]: what a ray tracer sees of a document.
 
 mod alpha;
+mod apart;
 pub mod bounds;
 mod check;
 mod known;
 mod load;
 mod meshes;
+mod object;
 mod overlay;
 mod reading;
+mod scene_core;
 mod stand_in;
 
 pub use alpha::{AlphaTest, AlphaTexture, Image, Wrap};
+pub(crate) use apart::{Apart, apart};
 pub use bounds::Bounds;
 pub use check::Broken;
 pub use known::Known;
 pub use load::{LoadOptions, load};
 pub use meshes::Meshes;
+pub(crate) use object::{Object, objects};
 pub use overlay::Overlay;
 pub use reading::ReadingError;
 pub(crate) use reading::most_stretch;
@@ -24,6 +29,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
 pub use raykiln_formats::contents::{Camera, CopyOf, Opacity, Source, TriangleOrder};
+pub use scene_core::Core;
 pub use stand_in::{Origin, StandIn};
 
 /// Index into [`Scene::meshes`].
@@ -56,6 +62,8 @@ pub struct Scene {
     pub stand_ins: Arc<Vec<Option<StandIn>>>,
     /// See [`Scene::instance_boxes`] and [`Scene::bounds`].
     pub boxes: Known<Boxes>,
+    /// See [`Scene::core`].
+    pub core: Known<Core>,
 }
 
 /// World boxes of a scene's instances.
@@ -283,6 +291,11 @@ impl Scene {
     /// computed once.
     pub fn bounds(&self) -> Bounds {
         self.boxes().of_all
+    }
+
+    /// Returns the core of the scene, whose box is not blown up by sky domes or far objects; computed once.
+    pub fn core(&self) -> &Core {
+        self.core.get_or(|| Core::of(self))
     }
 
     fn boxes(&self) -> &Boxes {

@@ -97,8 +97,8 @@ fn the_json_report_has_the_promised_keys() {
     assert_eq!(report["raykiln_version"], env!("CARGO_PKG_VERSION"));
     assert_keys(&report, "input", "path triangles vertices objects materials nodes instances pinned_instances");
     for side in ["before", "after"] {
-        let metrics = "mesh_groups geometries instances triangles_stored triangles_placed overlap_ratio sah_cost \
-                       two_level_cost boxes_per_point_mean";
+        let metrics = "mesh_groups geometries instances triangles_stored triangles_placed overlap_ratio core_overlap_ratio \
+                       sah_cost two_level_cost boxes_per_point_mean";
         assert_keys(&report, side, metrics);
     }
     assert_keys(&report, "method", "requested chosen reason candidates");

@@ -18,10 +18,7 @@ const WORST: usize = 10;
 pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, raykiln_formats::Error> {
     let doc = source.read()?;
     let (scene, warnings) = scene::load(&doc, options)?;
-    let boxes = scene.instance_boxes();
-    let all = scene.bounds();
-    let worst_pairs: Vec<OverlappingPair> =
-        worst_pairs(boxes, all.area()).iter().map(|p| named(&scene, p, all.area())).collect();
+    let worst_pairs = worst_pairs_of(&scene);
     Ok(InspectReport {
         schema: InspectReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -34,12 +31,18 @@ pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, r
     })
 }
 
+/// The pairs of instances of the scene's core that overlap most, worst first.
+fn worst_pairs_of(scene: &Scene) -> Vec<OverlappingPair> {
+    let area = scene.core().bounds().area();
+    worst_pairs(&scene.core().instance_boxes(scene), area).iter().map(|p| named(scene, p, area)).collect()
+}
+
 /// The pairs with the largest intersections, worst first. The threshold falls until enough pairs are above it, so
 /// that a crowded scene's millions of small overlaps are never listed.
-fn worst_pairs(boxes: &[Bounds], scene_area: f64) -> Vec<Pair> {
+fn worst_pairs(boxes: &[Bounds], area: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for least in [0.1, 0.01, 0.001, 0.0] {
-        pairs = overlap::pairs(boxes, least * scene_area);
+        pairs = overlap::pairs(boxes, least * area);
         if pairs.len() >= WORST {
             break;
         }
@@ -49,9 +52,9 @@ fn worst_pairs(boxes: &[Bounds], scene_area: f64) -> Vec<Pair> {
     pairs
 }
 
-fn named(scene: &Scene, pair: &Pair, scene_area: f64) -> OverlappingPair {
+fn named(scene: &Scene, pair: &Pair, area: f64) -> OverlappingPair {
     let name = |i: u32| name_of(&scene.instances[i as usize]);
-    OverlappingPair { a: name(pair.a), b: name(pair.b), overlap_ratio: pair.area / scene_area }
+    OverlappingPair { a: name(pair.a), b: name(pair.b), overlap_ratio: pair.area / area }
 }
 
 /// A name to display: the node's name, or its number.
@@ -66,6 +69,7 @@ fn name_of(instance: &Instance) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layout::test_scenes::heaps;
     use glam::DVec3;
 
     fn cube(at: f64, size: f64) -> Bounds {
@@ -80,6 +84,22 @@ mod tests {
         assert_eq!(pairs.len(), WORST);
         assert_eq!(pairs[0].b, 40);
         assert!(pairs.is_sorted_by(|x, y| x.area >= y.area));
+    }
+
+    #[test]
+    fn a_dome_and_a_far_object_hide_no_overlap_and_no_finding() {
+        let [plain, exceptional] = [heaps(0), heaps(2)];
+        let [before, after] = [&plain, &exceptional].map(measure_as_is);
+        assert_eq!(before.core_overlap_ratio, before.overlap_ratio);
+        assert!(after.overlap_ratio < 0.01 * before.overlap_ratio, "{} {}", after.overlap_ratio, before.overlap_ratio);
+        assert_eq!(after.core_overlap_ratio, before.core_overlap_ratio);
+        assert_eq!(worst_pairs_of(&plain), worst_pairs_of(&exceptional));
+        let rules = |scene: &Scene| {
+            let found = rules::findings(scene, &worst_pairs_of(scene));
+            found.into_iter().map(|f| (f.rule, f.object)).collect::<Vec<_>>()
+        };
+        assert!(rules(&plain).iter().any(|(rule, _)| *rule == "RK001"));
+        assert_eq!(rules(&plain), rules(&exceptional));
     }
 
     #[test]

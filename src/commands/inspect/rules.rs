@@ -12,7 +12,7 @@ use crate::cost::bytes;
 use crate::report::{Broken, Finding, OverlappingPair, Severity};
 use crate::scene::{Mesh, Scene};
 
-/// A pair is reported if its overlap over the scene's area exceeds this (the skip threshold of the thesis).
+/// A pair is reported if its overlap over the area of the scene's core exceeds this (the skip threshold of the thesis).
 const OVERLAP_RATIO: f64 = 0.005;
 const MOST_ACCELERATION_STRUCTURES: usize = 300_000;
 const MOST_INSTANCES_CONSOLE: usize = 100_000;
@@ -29,7 +29,7 @@ pub(super) const CHECKED: [&str; 9] = ["RK001", "RK003", "RK008", "RK010", "RK01
 
 /// All findings, ordered by rule id.
 pub(super) fn findings(scene: &Scene, worst: &[OverlappingPair]) -> Vec<Finding> {
-    let mut found = overlapping(worst);
+    let mut found = overlapping(worst, !scene.core().is_whole());
     found.extend(duplicates(scene));
     found.extend(scene.meshes.iter().filter_map(degenerate));
     found.extend(limits(scene));
@@ -39,12 +39,12 @@ pub(super) fn findings(scene: &Scene, worst: &[OverlappingPair]) -> Vec<Finding>
     found
 }
 
-fn overlapping(worst: &[OverlappingPair]) -> Vec<Finding> {
+fn overlapping(worst: &[OverlappingPair], of_core: bool) -> Vec<Finding> {
     worst
         .iter()
         .filter(|p| p.overlap_ratio > OVERLAP_RATIO)
         .map(|p| {
-            let broken = Broken::Overlap { other: &p.b, ratio: p.overlap_ratio };
+            let broken = Broken::Overlap { other: &p.b, ratio: p.overlap_ratio, of_core };
             Finding::new("RK001", Severity::Warning, &p.a, &broken)
         })
         .collect()

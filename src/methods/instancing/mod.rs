@@ -66,7 +66,7 @@ impl Selection {
         }
     }
 
-    /// Returns the world boxes of what [`Selection::place_left`] places.
+    /// Returns the world boxes of what [`Selection::place_left`] places, without instances outside the scene's core.
     pub(super) fn left_bounds(&self, scene: &Scene) -> Vec<Bounds> {
         let of_piece = |mesh: usize, piece: &Part| {
             let into = piece.frame.inverse();
@@ -77,9 +77,10 @@ impl Selection {
         let pieces: Vec<Vec<(Bounds, DAffine3)>> = (0..scene.meshes.len()).map(of_pieces).collect();
         let mut whole: Vec<Option<Bounds>> = vec![None; scene.meshes.len()];
         let mut bounds = Vec::new();
-        for (instance, fate) in scene.instances.iter().zip(&self.fates) {
+        for (i, (instance, fate)) in (0u32..).zip(scene.instances.iter().zip(&self.fates)) {
             let mesh = instance.mesh.0 as usize;
             match fate {
+                _ if scene.core().sets_instance_apart(InstanceId(i)) => {}
                 Fate::Keep => {
                     let local = whole[mesh].get_or_insert_with(|| scene.meshes[mesh].bounds());
                     bounds.push(local.transformed(&instance.transform));

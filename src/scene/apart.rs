@@ -13,10 +13,11 @@
 //!
 //! Sorting n objects takes O(n log n) time; computing boxes takes time linear in the triangles stored and the objects.
 
+use glam::DAffine3;
 use rayon::prelude::*;
 
-use crate::layout::builder::Object;
-use crate::scene::{Bounds, Geometry, Mesh, Scene};
+use super::object::Object;
+use super::{Bounds, Geometry, Mesh, Scene};
 
 /// Share of the triangles in the core of a scene.
 const CORE: f64 = 0.999;
@@ -33,18 +34,26 @@ const COVERED: f64 = 0.9;
 /// Maximum share of the triangles in shells.
 const FEW: f64 = 0.01;
 
+/// Surface area of a shell's box over that of the rest's box from which on the shell is outside the core. Walls and thin
+/// objects that are strewn over the whole scene are shells too, but hardly larger than the rest: they leave shares of
+/// the scene's area as they are, and their overlap with the rest is one that a layout can lower.
+const DOME: f64 = 4.0;
+
+/// Triangles per task.
+const CHUNK: usize = 1 << 14;
+
 /// The objects to isolate, as indices into a list of objects, each list in ascending order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Apart {
+pub(crate) struct Apart {
     /// Objects that enclose the rest.
-    pub(super) shells: Vec<usize>,
+    pub(crate) shells: Vec<usize>,
     /// Objects that lie far outside.
-    pub(super) outliers: Vec<usize>,
+    pub(crate) outliers: Vec<usize>,
 }
 
 impl Apart {
     /// Whether nothing is isolated.
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.shells.is_empty() && self.outliers.is_empty()
     }
 }
@@ -57,13 +66,29 @@ struct Extent {
 }
 
 /// Returns which objects to isolate. Objects without a finite box stay with the others.
-pub(super) fn apart(scene: &Scene, objects: &[Object]) -> Apart {
+pub(crate) fn apart(scene: &Scene, objects: &[Object]) -> Apart {
+    apart_by(&extents(scene, objects))
+}
+
+/// Returns the objects that blow up the box of all, in ascending order: outliers, and shells whose box is at least
+/// [`DOME`] times as large as that of the objects that are not isolated.
+pub(super) fn exceptional(scene: &Scene, objects: &[Object]) -> Vec<usize> {
     let extents = extents(scene, objects);
+    let Apart { shells, outliers } = apart_by(&extents);
+    let stays = |i: &usize| shells.binary_search(i).is_err() && outliers.binary_search(i).is_err();
+    let rest = (0..objects.len()).filter(stays).fold(Bounds::EMPTY, |all, i| all.union(&extents[i].bounds));
+    let domes = shells.iter().filter(|&&i| extents[i].bounds.area() >= DOME * rest.area());
+    let mut exceptional: Vec<usize> = domes.chain(&outliers).copied().collect();
+    exceptional.sort_unstable();
+    exceptional
+}
+
+fn apart_by(extents: &[Extent]) -> Apart {
     let usable = |&i: &usize| !extents[i].bounds.is_empty() && extents[i].bounds.area().is_finite();
-    let mut rest: Vec<usize> = (0..objects.len()).filter(usable).collect();
-    let outliers = outliers(&extents, &rest);
+    let mut rest: Vec<usize> = (0..extents.len()).filter(usable).collect();
+    let outliers = outliers(extents, &rest);
     rest.retain(|i| outliers.binary_search(i).is_err());
-    Apart { shells: shells(&extents, rest), outliers }
+    Apart { shells: shells(extents, rest), outliers }
 }
 
 /// Returns the boxes of objects: for objects whose mesh is placed once, the box of their triangles; for others, the
@@ -80,11 +105,18 @@ fn extents(scene: &Scene, objects: &[Object]) -> Vec<Extent> {
         let instance = &scene.instances[object.instance as usize];
         match shared[instance.mesh.0 as usize].get(object.geometry as usize) {
             Some(bounds) => bounds.transformed(&instance.transform),
-            None => Bounds::of(object.triangles(scene).flat_map(|t| scene.world_corners(t))),
+            None => world_bounds(object.geometry(scene), &instance.transform),
         }
     };
     let extent = |o: &Object| Extent { bounds: bounds(o), triangles: o.geometry(scene).triangles.len() };
     objects.par_iter().map(extent).collect()
+}
+
+/// Returns the box around the placed triangles of a geometry.
+fn world_bounds(geometry: &Geometry, transform: &DAffine3) -> Bounds {
+    let point = |&vertex: &u32| transform.transform_point3(geometry.positions[vertex as usize].as_dvec3());
+    let of_chunk = |chunk: &[[u32; 3]]| Bounds::of(chunk.iter().flatten().map(point));
+    geometry.triangles.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b))
 }
 
 /// Returns the outliers among some objects.
@@ -156,9 +188,9 @@ fn shells(extents: &[Extent], mut among: Vec<usize>) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::layout::builder::objects;
     use crate::layout::test_scenes::*;
     use crate::scene::InstanceId;
+    use crate::scene::object::objects;
     use glam::Vec3;
 
     fn apart_of(builder: SceneBuilder) -> Apart {
