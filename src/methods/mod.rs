@@ -12,6 +12,8 @@ mod per_object;
 mod pieces;
 mod plan_id;
 mod single;
+#[cfg(test)]
+mod tests_of_invariance;
 
 pub use cluster::{Cache, looseness};
 pub(crate) use options::ClusterSearch;
