@@ -32,7 +32,9 @@ impl BoxesPerPoint {
         let nodes = structure.tlas.bounds(&structure.boxes);
         let reach = nodes.first().map_or(0.0, |all| all.min.abs().max(all.max.abs()).max_element());
         let margin = DVec3::splat(ROUNDING * reach);
-        let count = |p: &DVec3| boxes_touching(structure, &nodes, &Bounds { min: p - margin, max: p + margin });
+        let shared = shared_by_all(structure);
+        let count =
+            |p: &DVec3| boxes_touching(structure, &nodes, &shared, &Bounds { min: p - margin, max: p + margin });
         let mut counts: Vec<u32> = points.par_iter().map(count).collect();
         counts.sort_unstable();
         let Some(&max) = counts.last() else {
@@ -51,8 +53,34 @@ impl BoxesPerPoint {
 /// transform.
 const ROUNDING: f64 = 1e-14;
 
+/// The intersection of all boxes below a node of the tree, and their number.
+#[derive(Clone)]
+struct Shared {
+    common: Bounds,
+    boxes: u32,
+}
+
+impl Shared {
+    /// Whether each of the boxes shares a point with `around`, even if they have none in common.
+    fn all_touch(&self, around: &Bounds) -> bool {
+        self.common.min.cmple(around.max).all() && around.min.cmple(self.common.max).all()
+    }
+}
+
+/// Returns [`Shared`] of every node, so that a node whose boxes all touch a point is counted at once: a hundred
+/// thousand equal boxes take no longer than separate ones.
+fn shared_by_all(structure: &Structure) -> Vec<Shared> {
+    let everything = Bounds { min: Bounds::EMPTY.max, max: Bounds::EMPTY.min };
+    let of_leaf = |items: &[u32]| Shared {
+        common: items.iter().fold(everything, |all, &i| all.intersection(&structure.boxes[i as usize])),
+        boxes: items.len() as u32,
+    };
+    let join = |a: &Shared, b: &Shared| Shared { common: a.common.intersection(&b.common), boxes: a.boxes + b.boxes };
+    structure.tlas.refit(of_leaf, join)
+}
+
 /// Returns the number of instance boxes that share a point with `around`.
-fn boxes_touching(structure: &Structure, nodes: &[Bounds], around: &Bounds) -> u32 {
+fn boxes_touching(structure: &Structure, nodes: &[Bounds], shared: &[Shared], around: &Bounds) -> u32 {
     let mut count = 0;
     let mut stack = if nodes.is_empty() { vec![] } else { vec![0] };
     while let Some(n) = stack.pop() {
@@ -60,7 +88,9 @@ fn boxes_touching(structure: &Structure, nodes: &[Bounds], around: &Bounds) -> u
         if !nodes[n as usize].overlaps(around) {
             continue;
         }
-        if node.is_leaf() {
+        if shared[n as usize].all_touch(around) {
+            count += shared[n as usize].boxes;
+        } else if node.is_leaf() {
             let items = &structure.tlas.order[node.items()];
             count += items.iter().filter(|&&i| structure.boxes[i as usize].overlaps(around)).count() as u32;
         } else {

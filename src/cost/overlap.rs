@@ -25,6 +25,13 @@ pub struct Pair {
     pub area: f64,
 }
 
+impl Pair {
+    /// The order of [`worst_pairs`].
+    fn worse_first(&self, other: &Pair) -> std::cmp::Ordering {
+        other.area.total_cmp(&self.area).then((self.a, self.b).cmp(&(other.a, other.b)))
+    }
+}
+
 /// Returns all pairs of boxes that share a point and whose intersection has a surface area above `min_area` (in squared
 /// units), ordered by `a`, then `b`. Boxes that are empty or not finite overlap nothing.
 pub fn pairs(boxes: &[Bounds], min_area: f64) -> Vec<Pair> {
@@ -44,6 +51,44 @@ pub fn pairs(boxes: &[Bounds], min_area: f64) -> Vec<Pair> {
     let mut pairs: Vec<Pair> = index.map_chunks(found).into_iter().flatten().collect();
     pairs.par_sort_unstable_by_key(|p| (p.a, p.b));
     pairs
+}
+
+/// Returns the `count` pairs of boxes with the largest intersections, worst first; of equal ones, those with the lowest
+/// `a`, then the lowest `b`. Boxes that are empty or not finite and intersections without an area do not count.
+pub fn worst_pairs(boxes: &[Bounds], count: usize) -> Vec<Pair> {
+    let index = Index::over(boxes);
+    let find = |query: &Item, at: usize, stack: &mut Vec<u32>, worst: &mut Vec<Pair>| {
+        let pair = |other: &Bounds, id: u32| {
+            let area = query.bounds.intersection(other).area();
+            Pair { a: query.id.min(id), b: query.id.max(id), area }
+        };
+        let full = worst.len() == count;
+        // The pairs found before bound the search; those of this query are added afterwards.
+        let last = worst.last().copied().filter(|_| full);
+        let counts = |p: &Pair| p.area > 0.0 && last.is_none_or(|last| Pair::worse_first(p, &last).is_lt());
+        let mut found = Vec::new();
+        index.visit_later(
+            at,
+            stack,
+            |volume| counts(&pair(&volume.around, volume.lowest_id)),
+            |other| {
+                found.extend(Some(pair(&other.bounds, other.id)).filter(counts));
+            },
+        );
+        keep_worst(worst, found, count);
+    };
+    let mut worst = Vec::new();
+    index.map_chunks(find).into_iter().for_each(|of_chunk| keep_worst(&mut worst, of_chunk, count));
+    worst
+}
+
+/// Merges pairs into a sorted list that keeps the worst.
+fn keep_worst(worst: &mut Vec<Pair>, found: Vec<Pair>, count: usize) {
+    if !found.is_empty() {
+        worst.extend(found);
+        worst.sort_unstable_by(Pair::worse_first);
+        worst.truncate(count);
+    }
 }
 
 /// Returns the sum of the surface areas of the intersections of all pairs of boxes, in squared units. Boxes that are
@@ -80,6 +125,8 @@ struct Volume {
     first: u32,
     /// One past the last item.
     end: u32,
+    /// The lowest index in the input.
+    lowest_id: u32,
 }
 
 /// Boxes in tree order, with the tree over them.
@@ -149,11 +196,11 @@ impl Index {
         let (mut whole, mut single) = (0.0, 0.0);
         let enter = |volume: &Volume| {
             if volume.first as usize > at {
-                if encloses(&query.bounds, &volume.around) {
+                if query.bounds.contains(&volume.around) {
                     whole += volume.area;
                     return false;
                 }
-                if encloses(&volume.common, &query.bounds) {
+                if volume.common.contains(&query.bounds) {
                     whole += f64::from(volume.end - volume.first) * query.bounds.area();
                     return false;
                 }
@@ -170,8 +217,8 @@ impl Volume {
     fn of(items: &[Item], places: &[u32]) -> Volume {
         let first = places.first().map_or(0, |&p| p);
         let one = |&p: &u32| {
-            let bounds = items[p as usize].bounds;
-            Volume { around: bounds, common: bounds, area: bounds.area(), first: p, end: p + 1 }
+            let Item { id, bounds } = items[p as usize];
+            Volume { around: bounds, common: bounds, area: bounds.area(), first: p, end: p + 1, lowest_id: id }
         };
         let none = Volume {
             around: Bounds::EMPTY,
@@ -179,6 +226,7 @@ impl Volume {
             area: 0.0,
             first,
             end: first,
+            lowest_id: u32::MAX,
         };
         places.iter().map(one).fold(none, |all, one| Volume::join(&all, &one))
     }
@@ -191,13 +239,9 @@ impl Volume {
             area: left.area + right.area,
             first: left.first,
             end: right.end,
+            lowest_id: left.lowest_id.min(right.lowest_id),
         }
     }
-}
-
-/// Whether `outer` contains all of `inner`, which must not be empty.
-fn encloses(outer: &Bounds, inner: &Bounds) -> bool {
-    outer.min.cmple(inner.min).all() && inner.max.cmple(outer.max).all()
 }
 
 #[cfg(test)]
@@ -265,6 +309,22 @@ mod tests {
             prop_assert_eq!(pairs(&boxes, 0.0), pairs_by_definition(&boxes, 0.0));
             assert_near(ratio(&boxes), ratio_by_definition(&boxes));
         }
+    }
+
+    proptest! {
+        #[test]
+        fn the_worst_pairs_are_the_first_of_all(boxes in grid_boxes(), count in 1..20usize) {
+            let mut all = pairs_by_definition(&boxes, 0.0);
+            all.sort_by(Pair::worse_first);
+            all.truncate(count);
+            prop_assert_eq!(worst_pairs(&boxes, count), all);
+        }
+    }
+
+    #[test]
+    fn the_worst_of_equal_boxes_take_no_quadratic_time() {
+        let pairs = worst_pairs(&vec![bounds([0.0; 3], [1.0; 3]); 100_000], 3);
+        assert_eq!(pairs.iter().map(|p| (p.a, p.b)).collect::<Vec<_>>(), [(0, 1), (0, 2), (0, 3)]);
     }
 
     #[test]

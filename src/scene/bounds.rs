@@ -46,6 +46,11 @@ impl Bounds {
         !self.intersection(other).is_empty()
     }
 
+    /// Whether the box contains all of `inner`, which must not be empty.
+    pub fn contains(&self, inner: &Bounds) -> bool {
+        self.min.cmple(inner.min).all() && inner.max.cmple(self.max).all()
+    }
+
     /// Returns the edge lengths; zero for an empty box.
     pub fn size(&self) -> DVec3 {
         if self.is_empty() { DVec3::ZERO } else { self.max - self.min }

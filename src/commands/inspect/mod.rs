@@ -6,7 +6,7 @@ use crate::commands::measure::measure_as_is;
 use crate::commands::source::Source;
 use crate::cost::overlap::{self, Pair};
 use crate::report::{Input, InspectReport, OverlappingPair};
-use crate::scene::{self, Bounds, Instance, LoadOptions, Scene};
+use crate::scene::{self, Instance, LoadOptions, Scene};
 
 /// Number of pairs to list.
 const WORST: usize = 10;
@@ -34,22 +34,8 @@ pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, r
 /// The pairs of instances of the scene's core that overlap most, worst first.
 fn worst_pairs_of(scene: &Scene) -> Vec<OverlappingPair> {
     let area = scene.core().bounds().area();
-    worst_pairs(&scene.core().instance_boxes(scene), area).iter().map(|p| named(scene, p, area)).collect()
-}
-
-/// The pairs with the largest intersections, worst first. The threshold falls until enough pairs are above it, so
-/// that a crowded scene's millions of small overlaps are never listed.
-fn worst_pairs(boxes: &[Bounds], area: f64) -> Vec<Pair> {
-    let mut pairs = Vec::new();
-    for least in [0.1, 0.01, 0.001, 0.0] {
-        pairs = overlap::pairs(boxes, least * area);
-        if pairs.len() >= WORST {
-            break;
-        }
-    }
-    pairs.sort_by(|x, y| y.area.total_cmp(&x.area).then((x.a, x.b).cmp(&(y.a, y.b))));
-    pairs.truncate(WORST);
-    pairs
+    let boxes = scene.core().instance_boxes(scene);
+    overlap::worst_pairs(&boxes, WORST).iter().map(|p| named(scene, p, area)).collect()
 }
 
 fn named(scene: &Scene, pair: &Pair, area: f64) -> OverlappingPair {
@@ -70,6 +56,7 @@ fn name_of(instance: &Instance) -> String {
 mod tests {
     use super::*;
     use crate::layout::test_scenes::heaps;
+    use crate::scene::Bounds;
     use glam::DVec3;
 
     fn cube(at: f64, size: f64) -> Bounds {
@@ -80,7 +67,7 @@ mod tests {
     fn the_worst_pair_comes_first_and_the_list_is_short() {
         let mut boxes: Vec<Bounds> = (0..40).map(|i| cube(f64::from(i), 1.1)).collect();
         boxes.push(cube(20.0, 3.0));
-        let pairs = worst_pairs(&boxes, cube(0.0, 41.0).area());
+        let pairs = overlap::worst_pairs(&boxes, WORST);
         assert_eq!(pairs.len(), WORST);
         assert_eq!(pairs[0].b, 40);
         assert!(pairs.is_sorted_by(|x, y| x.area >= y.area));
@@ -100,10 +87,5 @@ mod tests {
         };
         assert!(rules(&plain).iter().any(|(rule, _)| *rule == "RK001"));
         assert_eq!(rules(&plain), rules(&exceptional));
-    }
-
-    #[test]
-    fn a_lone_box_overlaps_nothing() {
-        assert!(worst_pairs(&[cube(0.0, 1.0)], 6.0).is_empty());
     }
 }

@@ -8,7 +8,7 @@ use std::hash::BuildHasher;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
-use rustc_hash::FxBuildHasher;
+use rustc_hash::{FxBuildHasher, FxHashSet};
 
 use super::boxes::{BoxNode, boxed};
 use crate::cost::mesh_trees::MeshTrees;
@@ -71,7 +71,8 @@ pub(super) struct Entry {
 }
 
 impl TwoLevel {
-    /// Builds the trees. Instances whose transform has no inverse are omitted, because no ray can enter them.
+    /// Builds the trees. Instances whose transform has no inverse are omitted, because no ray can enter them, and so are
+    /// repetitions of an instance in the same place.
     pub fn build(scene: &Scene) -> TwoLevel {
         TwoLevel::build_with(scene, &MeshTrees::default())
     }
@@ -95,7 +96,7 @@ impl TwoLevel {
             largest_coordinate(&mesh.bounds.transformed(&scaled(&i.transform, 1.0, mesh.scale)))
         };
         let scale = unit_scale(scene.instances.iter().map(extent).fold(0.0, f64::max));
-        let placed: Vec<(Entry, Bounds)> = (0..scene.instances.len())
+        let placed: Vec<(Entry, Bounds)> = distinct_instances(scene)
             .into_par_iter()
             .filter_map(|i| Entry::of(i, &scene.instances[i], &bottom, scale, padding))
             .collect();
@@ -192,6 +193,15 @@ impl Entry {
     }
 }
 
+/// Returns the instances of a scene, in order, except those that place the mesh of an earlier one by a transform equal
+/// bit for bit: the earlier one is hit at the same place and wins the tie. A hundred thousand instances in one place
+/// would otherwise all be tested by every ray that meets them.
+fn distinct_instances(scene: &Scene) -> Vec<usize> {
+    let mut seen = FxHashSet::default();
+    let key = |i: &Instance| (i.mesh, i.transform.to_cols_array().map(f64::to_bits));
+    (0..scene.instances.len()).filter(|&i| seen.insert(key(&scene.instances[i]))).collect()
+}
+
 /// Returns the triangles of a mesh, in order, except those whose corners equal, bit for bit and in order, those of an
 /// earlier triangle of the same geometry, which is hit at the same place and wins the tie.
 fn distinct(mesh: &Mesh) -> Vec<u32> {
@@ -241,7 +251,7 @@ fn unit_scale(largest: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verify::test_scenes::mesh;
+    use crate::verify::test_scenes::{mesh, scene};
 
     #[test]
     fn unit_scale_is_the_power_of_two() {
@@ -265,6 +275,15 @@ mod tests {
         let mut order = Bottom::build(&mesh, None).order;
         order.sort_unstable();
         assert_eq!(order, [0, 1, 5, 6, 10, 11]);
+    }
+
+    #[test]
+    fn equal_instances_of_one_mesh_count_once() {
+        let mesh = |source| mesh(source, vec![(None, vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]])]);
+        let at = |mesh, x: f64| (mesh, DAffine3::from_translation(DVec3::X * x));
+        let scene = scene(vec![mesh(0), mesh(1)], &[at(0, 0.0), at(1, 0.0), at(0, 0.0), at(0, 1.0), at(1, 0.0)]);
+        assert_eq!(distinct_instances(&scene), [0, 1, 3]);
+        assert_eq!(TwoLevel::build(&scene).entries.len(), 3);
     }
 
     #[test]
