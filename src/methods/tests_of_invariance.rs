@@ -62,7 +62,7 @@ fn ample() -> Options {
 fn quarters(number: usize) -> DMat3 {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let (first, second) = (number % 3, (number / 3) % 2);
-    let sign = |bit: usize| if number / 6 & bit == 0 { 1.0 } else { -1.0 };
+    let sign = |bit: usize| if (number / 6) & bit == 0 { 1.0 } else { -1.0 };
     let x = axes[first] * sign(1);
     let y = axes[(first + 1 + second) % 3] * sign(2);
     DMat3::from_cols(x, y, x.cross(y))
