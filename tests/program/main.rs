@@ -18,6 +18,7 @@ mod devices;
 mod endings;
 mod far_from_origin;
 mod faults;
+mod finite;
 mod instancing;
 #[cfg(feature = "lab")]
 mod lab;
