@@ -276,7 +276,8 @@ impl Search<'_> {
     /// Returns the copies among meshes whose signatures have the same key.
     fn group(&self, mut group: Vec<Signature>) -> Found {
         group.sort_by(|a, b| {
-            let preference = |s: &Signature| (self.roles[s.mesh.0 as usize] != Role::Model, s.reach);
+            // Reaches that differ little are stored alike: the first in the file is the model.
+            let preference = |s: &Signature| (self.roles[s.mesh.0 as usize] != Role::Model, s.reach.log2().floor());
             let (a_key, b_key) = (preference(a), preference(b));
             a_key.0.cmp(&b_key.0).then(a_key.1.total_cmp(&b_key.1)).then(a.mesh.cmp(&b.mesh))
         });

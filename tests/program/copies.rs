@@ -164,12 +164,9 @@ fn turned_copies_with_looser_boxes_do_not_keep_equal_meshes_from_being_shared() 
     assert_eq!(exact["after"]["mesh_groups"], 9, "{}", pass(&exact));
     let rigid = bake(&["rigid"]);
     assert_eq!((&rigid["after"]["mesh_groups"], &rigid["verify"]["mismatches"]), (&json!(9), &json!(0)));
+    // What is connected with its twin is never turned.
     let reason = pass(&rigid)["reason"].as_str().expect("a reason");
-    for words in
-        ["15 meshes are copies of 9; ", " structures; 7 meshes are copies of 1, left out: with them turned boxes are"]
-    {
-        assert!(reason.contains(words), "{words}: {reason}");
-    }
+    assert!(reason.contains("15 meshes are copies of 9; "), "{reason}");
     Surface::of_input(&input).assert_shown_by(&Surface::of_output(&output));
     let [before, after] = ["before", "after"].map(|side| rigid[side]["two_level_cost"].as_f64().expect("a cost"));
     assert!(after <= 1.01 * before, "{after} after {before}");

@@ -167,6 +167,8 @@ impl ClusterInput {
             let known = Known { tree: &by.tree, facts: &by.facts, own: &by.own, base: self.base, fewest: 0 };
             dynamic_programming::cut(&known, limits)
         });
+        // Without frames of their own, components are no better groups than parts of the tree.
+        let by_components = by_components.filter(|(groups, _)| groups.iter().any(|group| group.frame != self.base));
         let others = [without_units, peeled, by_components];
         let all = others.into_iter().flatten();
         let (groups, _) = all.fold((groups, cost), |best, other| if other.1 < best.1 { other } else { best });

@@ -188,8 +188,8 @@ fn crossing_strands_leave_one_by_one() {
     }
     let scene = builder.scene();
     let layout = checked(&scene, &options());
-    // Neighbours, which differ by four degrees, may share a frame.
-    assert!((20..=40).contains(&layout.groups.len()), "{}", layout.groups.len());
+    // Neighbours, which differ by four degrees, may share a frame; long strands are divided along their length.
+    assert!(layout.groups.len() >= 20, "{}", layout.groups.len());
     assert!(frames(&layout).iter().all(is_turned));
 }
 

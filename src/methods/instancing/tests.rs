@@ -54,8 +54,13 @@ fn spread(i: usize) -> DVec3 {
 
 /// Places `count` rotated knots in a cube, each scaled by `size`.
 fn knots(count: usize, size: f64) -> SceneBuilder {
+    placed(knot(60, 8), count, size)
+}
+
+/// Like [`knots`], of any mesh.
+fn placed(triangles: Vec<[Vec3; 3]>, count: usize, size: f64) -> SceneBuilder {
     let mut builder = SceneBuilder::default();
-    let mesh = builder.mesh("knot", vec![(0, knot(60, 8))]);
+    let mesh = builder.mesh("knot", vec![(0, triangles)]);
     for i in 0..count {
         let turn = DQuat::from_axis_angle((spread(i + 7) - 0.5).normalize(), 6.0 * spread(i).x);
         let place = DAffine3::from_scale_rotation_translation(DVec3::splat(0.5 * size), turn, spread(i));
@@ -238,7 +243,9 @@ proptest! {
 
 #[test]
 fn pieces_are_stored_in_frames_that_their_instances_undo() {
-    let mut builder = knots(200, 0.6);
+    // Triangles that share no corner: only whole components may turn.
+    let apart = |t: [Vec3; 3]| t.map(|p| p.lerp((t[0] + t[1] + t[2]) / 3.0, 0.01));
+    let mut builder = placed(knot(60, 8).into_iter().map(apart).collect(), 200, 0.6);
     let at = DAffine3::from_scale_rotation_translation(DVec3::new(-0.3, 0.3, 0.3), DQuat::IDENTITY, spread(3));
     builder.place(crate::scene::MeshId(0), "mirrored", at);
     let scene = builder.scene();
@@ -313,4 +320,11 @@ fn some_instances_are_opened_where_bytes_do_not_last_for_all() {
     assert!((some.bytes / bytes - 1.0).abs() < 0.02, "{} were predicted, {bytes} it takes", some.bytes);
     let all = plans.iter().find(|p| p.baked == 0 && p.opened == 200 && p.level == some.level).expect("all of them");
     assert!(plans[0].cost > some.cost && some.cost > all.cost && some.bytes < all.bytes);
+}
+
+#[test]
+fn pieces_of_one_component_are_not_turned() {
+    let layout = chosen(&knots(200, 0.6).scene(), Some(15.0));
+    assert!(layout.groups.len() > 1);
+    assert!(layout.groups.iter().all(|g| g.content.piece_frame() == DAffine3::IDENTITY));
 }
