@@ -24,7 +24,7 @@ mod signature;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::DAffine3;
@@ -101,11 +101,6 @@ pub struct Copies {
 }
 
 impl Copies {
-    /// Returns the number of different models.
-    pub fn models(&self) -> usize {
-        self.list.iter().map(|c| c.model).collect::<BTreeSet<_>>().len()
-    }
-
     /// Returns an overlay in which the models stand in for their copies wherever `scene` places these.
     pub fn overlay(&self, scene: &Scene) -> Overlay {
         if self.list.is_empty() {
@@ -157,7 +152,8 @@ fn find_as(doc: &Document, scene: &Scene, roles: &[Role], options: &Options) -> 
     if let most @ Some(_) = too_few(groups.par_iter().map(|(_, group)| most_saved(scene, &resembling(group))).sum()) {
         return none(most);
     }
-    let search = Search { doc, scene, options, roles };
+    let connected = if options.likeness == Likeness::Rigid { connected(scene) } else { vec![false; roles.len()] };
+    let search = Search { doc, scene, options, roles, connected };
     let found: Vec<Found> = groups.into_par_iter().map(|(_, group)| search.group(group)).collect();
     let given_up = found.iter().any(|found| found.given_up);
     let mut list: Vec<CopiedMesh> = found.into_iter().flat_map(|found| found.copies).collect();
@@ -194,7 +190,7 @@ enum Role {
     /// A model only.
     Model,
     /// A copy if the motion is the identity, else a model: copies by `EXT_mesh_gpu_instancing` are placed in mesh
-    /// coordinates, and what shares corners with a neighbour would part from it.
+    /// coordinates.
     InPlace,
     /// Either.
     Any,
@@ -210,16 +206,25 @@ fn roles(doc: &Document, scene: &Scene) -> Vec<Role> {
             if whole && !mesh.dropped { Role::Any } else { Role::None }
         })
         .collect();
-    for (instance, touches) in scene.instances.iter().zip(seams::touching(scene)) {
+    for instance in &scene.instances {
         let role = &mut roles[instance.mesh.0 as usize];
         *role = match *role {
             Role::None => Role::None,
             _ if instance.pinned.is_some() => Role::Model,
-            Role::Any if touches || scene.is_copied(instance.node) => Role::InPlace,
+            Role::Any if scene.is_copied(instance.node) => Role::InPlace,
             role => role,
         };
     }
     roles
+}
+
+/// Returns for each mesh whether an instance of it shares corners with a neighbour: turned or moved, it would part from it.
+fn connected(scene: &Scene) -> Vec<bool> {
+    let mut connected = vec![false; scene.meshes.len()];
+    for (instance, touches) in scene.instances.iter().zip(seams::touching(scene)) {
+        connected[instance.mesh.0 as usize] |= touches;
+    }
+    connected
 }
 
 /// Groups meshes with equal numbers of triangles of each material and kind; omits groups of one.
@@ -270,6 +275,8 @@ struct Search<'a> {
     scene: &'a Scene,
     options: &'a Options,
     roles: &'a [Role],
+    /// See [`connected`]; not known unless meshes may move.
+    connected: Vec<bool>,
 }
 
 impl Search<'_> {
@@ -317,7 +324,9 @@ impl Search<'_> {
 
     fn copy(&self, (model, distances): (&Shape, &[f64]), of: &Signature, other: &Signature) -> Option<CopiedMesh> {
         let shape = Shape::new(self.doc, self.scene, other.mesh);
-        let moves = self.options.likeness == Likeness::Rigid && self.roles[other.mesh.0 as usize] == Role::Any;
+        let at = other.mesh.0 as usize;
+        let may_move = self.roles[at] == Role::Any && !self.connected[at];
+        let moves = self.options.likeness == Likeness::Rigid && may_move;
         let Alignment { motion, triangles } = align::align(model, distances, &shape, other.tolerance, moves)?;
         let order = TriangleOrder::of(&triangles).map(Arc::new);
         Some(CopiedMesh { mesh: other.mesh, model: of.mesh, motion, order })

@@ -280,7 +280,7 @@ fn copies_of_many_kinds_in_one_file_find_their_own_model() {
         }
     }
     let found = copies(&solids, &RIGID);
-    assert_eq!(found.models(), shapes().len());
+    assert_eq!(Count::of(&found.list).models, shapes().len());
     assert_eq!(found.list.len(), solids.len() - shapes().len());
     assert!(found.list.iter().all(|c| class[c.mesh.0 as usize] == class[c.model.0 as usize]));
 }
@@ -308,12 +308,12 @@ fn what_is_left_out_is_looked_through_for_exact_copies_of_it_and_of_its_model() 
     let doc = document(&solids);
     let scene = load(&doc);
     let found = find(&doc, &scene, &RIGID);
-    assert_eq!((found.list.len(), found.models()), (4, 1));
+    assert_eq!((found.list.len(), Count::of(&found.list).models), (4, 1));
     let exact = find_exact_among(&doc, &scene, &found.list, 1e-6);
     let pairs = |copies: &Copies| copies.list.iter().map(|c| (c.mesh.0, c.model.0)).collect::<Vec<_>>();
     let of_model = |model: u32| pairs(&exact).iter().filter(|(_, m)| *m == model).count();
     let model = found.list[0].model.0;
-    assert_eq!((exact.list.len(), exact.models()), (3, 2), "{:?}", pairs(&exact));
+    assert_eq!((exact.list.len(), Count::of(&exact.list).models), (3, 2), "{:?}", pairs(&exact));
     assert!(exact.list.iter().all(|c| c.mesh.0 != model), "a model stays one");
     assert_eq!(of_model(model), if [0, 3].contains(&model) { 1 } else { 2 });
     assert!(find_exact_among(&doc, &scene, &[], 1e-6).list.is_empty());
@@ -334,11 +334,11 @@ fn equal_meshes_are_found_among_many_that_nearly_resemble_them() {
     let (doc, roles) = (document(&solids), vec![Role::Any; solids.len()]);
     let scene = load(&doc);
     let all: Vec<MeshId> = (0..solids.len() as u32).map(MeshId).collect();
-    let search = Search { doc: &doc, scene: &scene, options: &rigid, roles: &roles };
+    let search = Search { doc: &doc, scene: &scene, options: &rigid, roles: &roles, connected: connected(&scene) };
     let groups = by_key(signature::of_all(&doc, &scene, &all, &rigid));
     assert!(groups.into_values().any(|group| search.group(group).given_up), "not all are compared");
     let [rigid, exact] = [rigid, EXACT].map(|options| find(&doc, &scene, &options));
-    assert_eq!((exact.list.len(), exact.models()), (80, 80));
+    assert_eq!((exact.list.len(), Count::of(&exact.list).models), (80, 80));
     // Pairs that are near enough to be copies add to the number.
     let is_paired = |pair: u32| rigid.list.iter().any(|c| c.mesh.0 / 2 == pair);
     assert!(rigid.list.len() >= 80 && (0..80).all(is_paired), "{}", rigid.list.len());
