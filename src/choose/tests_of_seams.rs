@@ -7,12 +7,11 @@ use proptest::prelude::*;
 
 use super::candidate::lay_out;
 use super::plans::Plan;
-use crate::layout::seams::position_key;
 use crate::layout::store::Store;
 use crate::layout::test_scenes::*;
 use crate::layout::{Content, Layout};
 use crate::methods::{Cache, ClusterOptions, InstanceOptions, Instances, Method, Options, PartOptions, SingleOptions};
-use crate::scene::{InstanceId, Pinned, Scene, TriangleRef};
+use crate::scene::{InstanceId, Pinned, Scene, TriangleRef, position_key};
 
 /// How a corner is stored: the bits of the instance's transform and of the position in the group.
 type Stored = ([u32; 12], [u32; 3]);

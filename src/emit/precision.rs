@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::layout::seams::{self, Class};
 use crate::layout::store::{Store, rounding_error};
-use crate::layout::{Content, Group, GroupGeometry, Layout};
+use crate::layout::{Content, Group, GroupGeometry, Layout, is_single_precision};
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef, most_stretch};
 
@@ -150,9 +150,8 @@ fn frame_of_what_stays(class: &Class) -> Option<DAffine3> {
     if class.left.contains(&DAffine3::IDENTITY) {
         return Some(DAffine3::IDENTITY);
     }
-    let is_stored = |t: &DAffine3| t.to_cols_array().iter().all(|c| f64::from(*c as f32) == *c);
     match class.left[..] {
-        [only] if is_stored(&only) && only.matrix3.determinant() != 0.0 => Some(only),
+        [only] if is_single_precision(&only) && only.matrix3.determinant() != 0.0 => Some(only),
         _ => None,
     }
 }

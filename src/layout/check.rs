@@ -60,7 +60,8 @@ fn check_mesh(scene: &Scene, mesh: MeshId) -> Result<(), String> {
     require((mesh.0 as usize) < scene.meshes.len(), "is of a mesh that is not there")
 }
 
-fn is_single_precision(frame: &DAffine3) -> bool {
+/// Whether each coefficient is exactly a 32-bit float.
+pub(crate) fn is_single_precision(frame: &DAffine3) -> bool {
     frame.is_finite() && frame.to_cols_array().iter().all(|&c| f64::from(c as f32) == c)
 }
 

@@ -16,6 +16,7 @@ mod stored;
 pub(crate) mod test_scenes;
 
 pub(crate) use axes::{WAYS, turn_axes, turn_stored};
+pub(crate) use check::is_single_precision;
 pub use note::{Changed, Limit, Meshes, Note, Stay};
 pub use order::{order_by_tree, order_for_good};
 pub use per_geometry::{BlasPer, as_built, per_geometry};

@@ -6,33 +6,33 @@
 //! directly or through others, are placed in one frame, with one origin ([`Classes`]), and only whole connected
 //! components of the surface ([`Components`]) may have a frame of their own. What this costs: `docs/methods.md`.
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{Content, Layout};
 use crate::parallel::CHEAP_ELEMENTS;
-use crate::scene::{InstanceId, Mesh, Scene, TriangleRef};
+use crate::scene::{InstanceId, Mesh, Scene, TriangleRef, position_key};
 use crate::tree::Tree;
-
-/// A number that equal positions share, both zeros being equal. Unequal positions share one with a chance of 2^-64:
-/// they then count as connected, which forbids more than need be and does no other harm.
-pub(crate) fn position_key(position: DVec3) -> u64 {
-    // The constants and the shifts are those of the finaliser of MurmurHash3 (A. Appleby).
-    let mix = |key: u64, x: f64| {
-        let mut mixed = (key ^ (x + 0.0).to_bits()).wrapping_mul(0xff51_afd7_ed55_8ccd);
-        mixed ^= mixed >> 33;
-        mixed = mixed.wrapping_mul(0xc4ce_b9fe_1a85_ec53);
-        mixed ^ (mixed >> 33)
-    };
-    position.to_array().into_iter().fold(0x9e37_79b9_7f4a_7c15, mix)
-}
 
 /// The keys of the corners of a placed triangle, at their places in the world.
 pub(crate) fn corner_keys(scene: &Scene, at: TriangleRef) -> [u64; 3] {
     let origin = scene.origin(at);
     let corners = scene.meshes[origin.mesh.0 as usize].corners(origin.triangle);
     corners.map(|p| position_key(origin.transform.transform_point3(p.as_dvec3())))
+}
+
+/// Calls `visit` with a key and two different numbers that have it in common, so that all with a key are linked.
+fn each_meeting(mut keyed: Vec<(u64, u32)>, mut visit: impl FnMut(u64, u32, u32)) {
+    keyed.par_sort_unstable();
+    for pair in keyed.windows(2).filter(|pair| pair[0].0 == pair[1].0 && pair[0].1 != pair[1].1) {
+        visit(pair[0].0, pair[0].1, pair[1].1);
+    }
+}
+
+/// The bits of the transform of an instance.
+fn transform_bits(scene: &Scene, instance: usize) -> [u64; 12] {
+    scene.instances[instance].transform.to_cols_array().map(f64::to_bits)
 }
 
 /// Disjoint sets of numbers (R. Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", Journal of the ACM
@@ -59,12 +59,9 @@ impl Sets {
         self.0[a.max(b) as usize] = a.min(b);
     }
 
-    /// Unites all that have a key in common; sorts the pairs.
-    fn unite_equal(&mut self, keyed: &mut [(u64, u32)]) {
-        keyed.par_sort_unstable();
-        for pair in keyed.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-            self.unite(pair[0].1, pair[1].1);
-        }
+    /// Unites all that have a key in common.
+    fn unite_equal(&mut self, keyed: Vec<(u64, u32)>) {
+        each_meeting(keyed, |_, a, b| self.unite(a, b));
     }
 
     /// The sets numbered in the order of their smallest members: the number of the set of each member.
@@ -98,10 +95,10 @@ impl Components {
     /// The components of triangles given by the keys of their corners; those with a corner in `outside` are bound.
     pub(crate) fn of(corners: &[[u64; 3]], outside: &FxHashSet<u64>) -> Components {
         let keys_of = |(t, corners): (usize, &[u64; 3])| corners.map(|key| (key, t as u32));
-        let mut keyed: Vec<(u64, u32)> =
+        let keyed: Vec<(u64, u32)> =
             corners.par_iter().with_min_len(CHEAP_ELEMENTS).enumerate().flat_map_iter(keys_of).collect();
         let mut sets = Sets::new(corners.len());
-        sets.unite_equal(&mut keyed);
+        sets.unite_equal(keyed);
         let of = sets.numbered();
         let count = of.iter().max().map_or(0, |last| *last as usize + 1);
         let (mut sizes, mut is_bound) = (vec![0; count], vec![false; count]);
@@ -217,7 +214,7 @@ pub fn classes(scene: &Scene, layout: &Layout) -> Vec<Class> {
     };
     keyed.par_extend(left.par_iter().enumerate().flat_map_iter(keys_of_left));
     let mut sets = Sets::new(layout.groups.len() + left.len());
-    sets.unite_equal(&mut keyed);
+    sets.unite_equal(keyed);
     let mut classes: Vec<Class> = Vec::new();
     let mut number_of = FxHashMap::default();
     for group in baked {
@@ -245,9 +242,11 @@ pub(crate) fn shared_keys(scene: &Scene, sets: &[Vec<TriangleRef>]) -> FxHashSet
         let keys = |&at: &TriangleRef| corner_keys(scene, at).map(|key| (key, number));
         keyed.par_extend(set.par_iter().with_min_len(CHEAP_ELEMENTS).flat_map_iter(keys));
     }
-    keyed.par_sort_unstable();
-    let shared = keyed.windows(2).filter(|pair| pair[0].0 == pair[1].0 && pair[0].1 != pair[1].1);
-    shared.map(|pair| pair[0].0).collect()
+    let mut shared = FxHashSet::default();
+    each_meeting(keyed, |key, _, _| {
+        shared.insert(key);
+    });
+    shared
 }
 
 /// The keys of the corners of a baked group's triangles, each with the number of the group; some repeatedly.
@@ -272,7 +271,7 @@ pub fn parts_from_what_stays(scene: &Scene, layout: &Layout) -> bool {
 
 /// The instances that are not baked and that the input places by the same transform as some that are.
 pub(crate) fn left_beside(scene: &Scene, baked: &[InstanceId]) -> Vec<InstanceId> {
-    let bits = |i: usize| scene.instances[i].transform.to_cols_array().map(f64::to_bits);
+    let bits = |i: usize| transform_bits(scene, i);
     let mut is_baked = vec![false; scene.instances.len()];
     baked.iter().for_each(|i| is_baked[i.0 as usize] = true);
     let transforms: FxHashSet<[u64; 12]> = baked.iter().map(|i| bits(i.0 as usize)).collect();
@@ -291,8 +290,8 @@ fn baked_instances(scene: &Scene, layout: &Layout) -> Vec<InstanceId> {
 /// neither may be stored in another frame without the other.
 pub(crate) fn touching(scene: &Scene) -> Vec<bool> {
     let mut of_transform: FxHashMap<[u64; 12], Vec<u32>> = FxHashMap::default();
-    for (i, instance) in (0..).zip(&scene.instances) {
-        of_transform.entry(instance.transform.to_cols_array().map(f64::to_bits)).or_default().push(i);
+    for i in 0..scene.instances.len() {
+        of_transform.entry(transform_bits(scene, i)).or_default().push(i as u32);
     }
     let mut touching = vec![false; scene.instances.len()];
     for instances in of_transform.into_values().filter(|instances| instances.len() > 1) {
@@ -301,11 +300,8 @@ pub(crate) fn touching(scene: &Scene) -> Vec<bool> {
             let used = geometries.flat_map(|g| g.triangles.iter().flatten().map(|&v| g.positions[v as usize]));
             used.map(move |p| (position_key(p.as_dvec3()), i))
         };
-        let mut keyed: Vec<(u64, u32)> = instances.par_iter().flat_map_iter(keys).collect();
-        keyed.par_sort_unstable();
-        for pair in keyed.windows(2).filter(|pair| pair[0].0 == pair[1].0 && pair[0].1 != pair[1].1) {
-            pair.iter().for_each(|&(_, i)| touching[i as usize] = true);
-        }
+        let keyed: Vec<(u64, u32)> = instances.par_iter().flat_map_iter(keys).collect();
+        each_meeting(keyed, |_, a, b| [a, b].into_iter().for_each(|i| touching[i as usize] = true));
     }
     touching
 }
@@ -331,13 +327,6 @@ mod tests {
 
     fn keys(triangles: &[[Vec3; 3]]) -> Vec<[u64; 3]> {
         triangles.iter().map(|corners| corners.map(|p| position_key(p.as_dvec3()))).collect()
-    }
-
-    #[test]
-    fn both_zeros_are_one_position_and_neighbours_are_not() {
-        assert_eq!(position_key(DVec3::new(0.0, 1.0, 2.0)), position_key(DVec3::new(-0.0, 1.0, 2.0)));
-        assert_ne!(position_key(DVec3::new(1.0, 2.0, 3.0)), position_key(DVec3::new(1.0 + f64::EPSILON, 2.0, 3.0)));
-        assert_ne!(position_key(DVec3::new(1.0, 2.0, 3.0)), position_key(DVec3::new(2.0, 1.0, 3.0)));
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod load;
 mod meshes;
 mod object;
 mod overlay;
+mod position_key;
 mod reading;
 mod scene_core;
 mod stand_in;
@@ -22,6 +23,7 @@ pub use load::{LoadOptions, load};
 pub use meshes::Meshes;
 pub(crate) use object::{Object, objects};
 pub use overlay::Overlay;
+pub(crate) use position_key::position_key;
 pub use reading::ReadingError;
 pub(crate) use reading::most_stretch;
 

@@ -7,6 +7,7 @@ use super::refit::Refit;
 use super::soup::{Soup, Turned, tightest};
 use crate::cost::sah::{INTERSECTION, TRAVERSAL};
 use crate::methods::frames::{self, Search};
+use crate::methods::pieces::longest_axis;
 use crate::scene::Bounds;
 use crate::tree::Tree;
 
@@ -65,12 +66,10 @@ impl Own {
     /// Returns the cost of the part in its frame, divided along its longest side into as many groups as pay: the world
     /// boxes of long parts that lie diagonally are large. Groups have at least `fewest` of its `triangles`.
     pub(super) fn price(&self, leaving_cost: f64, triangles: u32, fewest: u32) -> f64 {
-        let whole = self.frame.out(&self.bounds).area();
+        let (whole, axis) = (self.frame.out(&self.bounds).area(), longest_axis(&self.bounds));
         let loose = |&lengths: &u32| {
-            let size = self.bounds.size();
             let mut part = self.bounds;
-            let axis = if size.x == size.max_element() { 0 } else { 1 + usize::from(size.z > size.y) };
-            part.max[axis] = part.min[axis] + size[axis] / f64::from(lengths);
+            part.max[axis] = part.min[axis] + part.size()[axis] / f64::from(lengths);
             let share = f64::from(lengths) * self.frame.out(&part).area() / whole;
             if share.is_finite() { share * self.loose } else { self.loose }
         };

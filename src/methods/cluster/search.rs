@@ -17,6 +17,7 @@ use super::facts::{LENGTHS, facts};
 use super::refit::Refit;
 use super::soup::{Soup, Turned};
 use crate::cost::sah::TRAVERSAL;
+use crate::methods::pieces::longest_axis;
 use crate::scene::Bounds;
 use crate::tree::{Quality, Tree};
 
@@ -149,8 +150,7 @@ impl Search<'_> {
         if *frame == Turned::NOT || items.len() > MOST {
             return vec![member];
         }
-        let size = member.fit.bounds.size();
-        let axis = if size.x == size.max_element() { 0 } else { 1 + usize::from(size.z > size.y) };
+        let axis = longest_axis(&member.fit.bounds);
         let place = |&t: &u32| self.soup.bounds_in(frame, t).center()[axis];
         let mut sorted: Vec<(f64, u32)> = items.iter().map(|t| (place(t), *t)).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

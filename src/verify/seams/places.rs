@@ -10,9 +10,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use crate::scene::{Instance, InstanceId, Scene, TriangleRef};
+use crate::scene::{Instance, InstanceId, Scene, TriangleRef, position_key};
 use crate::verify::identity::{Chunk, chunks};
-use crate::verify::random::{Random, mixed};
+use crate::verify::random::Random;
 
 /// Places where more triangles meet are left out.
 pub(super) const MOST_TRIANGLES: u32 = 64;
@@ -72,16 +72,6 @@ impl Key {
     fn edge(a: u64, b: u64) -> Key {
         Key::Edge([a.min(b), a.max(b)])
     }
-}
-
-/// Returns a hash of a position; equal numbers have equal hashes.
-fn hash(p: DVec3) -> u64 {
-    // Adding zero turns -0 into 0.
-    let [x, y, z] = p.to_array().map(|x| (x + 0.0).to_bits());
-    // Odd factors: the fractions of the square roots of 2, 3 and 5.
-    let [x, y, z] = [(x, 0x6a09_e667_f3bc_c909), (y, 0xbb67_ae85_84ca_a73b), (z, 0x3c6e_f372_fe94_f82b)]
-        .map(|(bits, factor)| bits.wrapping_mul(factor));
-    mixed(x ^ y.rotate_left(21) ^ z.rotate_left(42))
 }
 
 /// A set of hashes that answers quickly for most that are not in it.
@@ -177,7 +167,7 @@ impl Drawn {
         let geometry = &scene.mesh_of(InstanceId(chunk.instance)).geometries[chunk.geometry];
         let world = |p: DVec3| instance.transform.transform_point3(p);
         for (t, at) in chunk.triangles.clone().zip(chunk.refs(scene)) {
-            let hashes = geometry.exact_corners(t).map(|p| hash(world(p)));
+            let hashes = geometry.exact_corners(t).map(|p| position_key(world(p)));
             let maybe = hashes.map(|hash| self.sieve.may_contain(hash));
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let keys = [
@@ -206,8 +196,8 @@ impl Drawn {
 impl Core {
     fn key(&self) -> Key {
         match *self {
-            Core::Edge([a, b]) => Key::edge(hash(a), hash(b)),
-            Core::Vertex(at) => Key::Vertex(hash(at)),
+            Core::Edge([a, b]) => Key::edge(position_key(a), position_key(b)),
+            Core::Vertex(at) => Key::Vertex(position_key(at)),
         }
     }
 }
