@@ -3,7 +3,7 @@
 //! A device takes a ray into each BLAS by the instance's own transform, which rounds. Rays find no gap between two
 //! triangles only if both store their common corners bit for bit alike under the same transform: DirectX Raytracing
 //! promises watertight edges for geometries of one BLAS with matching transforms alone. So groups that share a corner,
-//! directly or through others, are placed in one frame, with one origin ([`Classes`]), and only whole connected
+//! directly or through others, are placed in one frame, with one origin ([`classes`]), and only whole connected
 //! components of the surface ([`Components`]) may have a frame of their own. What this costs: `docs/methods.md`.
 
 use glam::DAffine3;
