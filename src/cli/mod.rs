@@ -105,7 +105,7 @@ fn run_bake(arguments: &BakeArguments, given: &[&str], output: &Output) -> Resul
         print_for_people(&report::text::bake(&report, output.verbose > 0));
     }
     Ok(match report.verdict {
-        Verdict::Failed => {
+        Verdict::Failed | Verdict::CannotTell => {
             print_error(format_args!("{}: verification failed: {}", report.output.display(), report.verify));
             ExitCode::from(FAILED)
         }
@@ -136,11 +136,13 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
         print(report::text::verify(&report, output.verbose > 0).as_bytes())?;
     }
     reports.commit()?;
-    if report.verdict == Verdict::Failed {
-        print_error(format_args!("{}: verification failed: {}", report.output.display(), report.verify));
-        return Ok(ExitCode::from(FAILED));
-    }
-    Ok(ExitCode::SUCCESS)
+    let what = match report.verdict {
+        Verdict::Failed => "verification failed: ",
+        Verdict::CannotTell => "",
+        _ => return Ok(ExitCode::SUCCESS),
+    };
+    print_error(format_args!("{}: {what}{}", report.output.display(), report.verify));
+    Ok(ExitCode::from(FAILED))
 }
 
 fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode> {

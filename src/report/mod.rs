@@ -7,6 +7,7 @@ mod findings;
 pub mod json;
 pub(crate) mod notes;
 mod passes;
+mod precision;
 mod reported_options;
 pub mod text;
 pub mod verdict;
@@ -30,6 +31,7 @@ use crate::emit::Copied;
 use crate::layout::BlasPer;
 use crate::methods::PlanId;
 use crate::scene::{self, Scene};
+use crate::verify::sight::DeviceError;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Matching, Verification};
 
@@ -238,6 +240,8 @@ pub struct InspectReport {
     pub rules_checked: Vec<&'static str>,
     /// The rules that the scene breaks.
     pub findings: Vec<Finding>,
+    /// What single precision may do to a ray as long as the scene, and which objects it cannot tell therefore.
+    pub device_error: DeviceError,
     /// What the reader repaired or omitted.
     pub warnings: Vec<String>,
 }

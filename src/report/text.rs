@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::precision;
 use super::words::{bytes, counted, grouped};
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
 use super::{ReadingError, Severity, Speed, VerifyReport, candidates, verdict};
@@ -36,6 +37,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
         Verdict::Faster => "faster",
         Verdict::NotFaster => "not faster",
         Verdict::LeftAlone => "left alone",
+        Verdict::CannotTell => "cannot tell",
         Verdict::Failed => "failed",
     };
     text + "\n" + &paragraph(&format!("verdict: {verdict}: {}", report.verdict_reason))
@@ -66,6 +68,7 @@ fn before_and_after(per: BlasPer, metrics: Sides<&Metrics>, verification: &Verif
     text += &structures(verification);
     text += &rays(verification, overall);
     text += &errors(verification);
+    text += &precision::errors(&verification.errors);
     text + &seams(&verification.seams)
 }
 
@@ -97,6 +100,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
     let shown = match report.verdict {
         Verdict::Failed => "failed: the files do not show the same".to_owned(),
+        Verdict::CannotTell => report.verify.to_string(),
         _ => format!("the same surfaces; {}", verdict::measured(&report.overall, &report.verify.device)),
     };
     let _ = writeln!(text, "{:.2} seconds\n\nverdict: {shown}", report.seconds);
@@ -123,9 +127,10 @@ pub fn inspect(report: &InspectReport) -> String {
             .collect();
         text += &table(&["overlap", "object", "object"], &rows);
     }
+    let _ = writeln!(text, "\n{}", precision::of_device(&report.device_error));
     if report.findings.is_empty() {
         let checked = report.rules_checked.len();
-        let _ = writeln!(text, "\nnone of the {} is broken (docs/inspect.md)", counted(checked, "vendor rule checked"));
+        let _ = writeln!(text, "\nnone of the {} checked is broken (docs/inspect.md)", counted(checked, "vendor rule"));
     } else {
         text += "\nfindings\n";
         text += &report.findings.iter().map(finding).collect::<String>();

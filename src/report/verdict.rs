@@ -16,7 +16,7 @@ pub fn words(
     class: Class,
 ) -> String {
     match verdict {
-        Verdict::Failed => format!("no file was written: {verification}"),
+        Verdict::Failed | Verdict::CannotTell => format!("no file was written: {verification}"),
         Verdict::LeftAlone => "the output is the input as it is".to_owned(),
         Verdict::Faster | Verdict::NotFaster => {
             let parts = [Some(measured(overall, &verification.device)), caution(overall), predicted(method, class)];

@@ -4,7 +4,8 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Serialize, Serializer};
 
-use super::words::grouped;
+use super::words::{counted, grouped};
+use crate::verify::sight::CannotTell;
 use crate::verify::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Side, Target, Verification, WhyCpu, Wrong};
 
 impl Display for Verification {
@@ -50,7 +51,26 @@ impl Display for Failure {
                 grouped(seams.after_lost),
                 grouped(seams.before_lost)
             ),
+            Failure::NothingHit => f.write_str("cannot tell: no ray hits anything in either file"),
+            Failure::CannotTell(what) => write!(f, "cannot tell: {what}"),
         }
+    }
+}
+
+impl Display for CannotTell {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        let names: Vec<String> = self.names.iter().map(|name| format!("`{name}`")).collect();
+        let more = match self.objects - self.names.len() {
+            0 => String::new(),
+            more => format!(" and {} more", grouped(more as u64)),
+        };
+        write!(
+            f,
+            "rays in single precision cannot tell {} from what is beside {}: {}{more}",
+            counted(self.objects, "object"),
+            if self.objects == 1 { "it" } else { "them" },
+            names.join(", ")
+        )
     }
 }
 
@@ -115,6 +135,7 @@ impl Display for Note {
             Note::ByLook => {
                 f.write_str("not every material has a name in both files: materials are matched by their look")
             }
+            Note::CannotTell(what) => write!(f, "{what}; the exact comparison can"),
             Note::OpaqueTextures(side, textures) => {
                 let file = match side {
                     Side::Before => "input",

@@ -205,6 +205,12 @@ impl Mesh {
         *self.extent.get_or(|| self.geometries.iter().fold(Bounds::EMPTY, |all, g| all.union(&g.bounds())))
     }
 
+    /// Returns the largest absolute coordinates of its triangles along each axis, in mesh coordinates.
+    pub fn reach(&self) -> DVec3 {
+        let bounds = self.bounds();
+        if bounds.is_empty() { DVec3::ZERO } else { bounds.min.abs().max(bounds.max.abs()) }
+    }
+
     /// Returns the geometry that holds a triangle of the mesh, and the triangle's index in it.
     pub fn locate(&self, triangle: u32) -> (usize, usize) {
         let g = self.geometries.partition_point(|g| g.first_triangle <= triangle) - 1;
@@ -329,6 +335,15 @@ impl Scene {
 }
 
 impl Instance {
+    /// Returns a name to display: the node's name, or its number, and which copy it is of several.
+    pub fn display_name(&self) -> String {
+        let copy = if self.copy > 0 { format!(" copy {}", self.copy) } else { String::new() };
+        match self.name.as_str() {
+            "" => format!("node {}{copy}", self.node),
+            name => format!("{name}{copy}"),
+        }
+    }
+
     /// Whether the transform reverses handedness.
     pub fn mirrored(&self) -> bool {
         self.transform.matrix3.determinant() < 0.0

@@ -21,6 +21,8 @@ pub struct Approach {
     pub height: f64,
     /// Whether the ray comes from the side on which the corners run counter-clockwise.
     pub front: bool,
+    /// The unit normal on that side; zero if the triangle has no area.
+    pub normal: DVec3,
 }
 
 impl Approach {
@@ -53,6 +55,7 @@ impl Approach {
             size,
             height,
             front: normal.dot(ahead) < 0.0,
+            normal: normal.normalize_or_zero(),
         }
     }
 

@@ -1,86 +1,32 @@
 //! Compares the hits of both scenes ray by ray, and resolves differences by the true hit.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::approach::Approach;
 use super::cpu::{Reference, TrueHit};
+use super::errors::{Errors, HitError, OffPlane, OffPlanes};
 use super::identity::{Identity, describe};
 use super::random::Random;
 use super::rays::{Ray, RayKind};
-use super::rounding::{Magnitude, SINGLE, SMALLEST};
+use super::rounding::{self, Magnitude};
+use super::sight::CannotTell;
 use super::structure::{Structure, allowed_error};
 use super::{Hit, Mismatch, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
-/// Number of rounding errors that may accumulate between a ray and its hit.
-pub const ROUNDINGS: f64 = 8.0;
 /// Distance between two hits, as a share of the scene's radius, above which they count as far apart.
 pub(super) const FAR_RATIO: f64 = 1e-4;
 /// Lower limit of the distance that errors are relative to, as a share of the scene's radius.
 pub(super) const NEAR_RATIO: f64 = 1e-3;
+/// Largest share of an object's size that may excuse a difference at it as rounding.
+pub(super) const EXCUSABLE: f64 = 0.1;
 /// Number of mismatches described in words.
 pub(super) const EXAMPLES: usize = 4;
 /// Random number stream for samples, separate from those of the rays.
 const SAMPLE_STREAM: u64 = 100;
-
-/// The largest errors of the classes of a [`Histogram`]; the last class has none.
-const UP_TO: [f64; 10] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-
-/// Classes of a [`Histogram`].
-const CLASSES: usize = UP_TO.len() + 1;
-
-/// How relative distance errors are distributed, by decades.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Histogram {
-    /// The largest error of each class; none for the last one.
-    pub up_to: Vec<Option<f64>>,
-    /// How many hits are in each class.
-    #[serde(flatten)]
-    pub hits: Sides<[u64; CLASSES]>,
-}
-
-impl Histogram {
-    /// Of the hits that a comparison measured.
-    pub(super) fn of(tally: &Tally) -> Histogram {
-        let hits = Sides { before: tally.before.by_decade, after: tally.after.by_decade };
-        Histogram { up_to: UP_TO.into_iter().map(Some).chain([None]).collect(), hits }
-    }
-}
-
-/// Distance errors relative to the truth.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Errors {
-    /// Number of hits measured.
-    pub count: u64,
-    /// Largest relative error.
-    pub max: f64,
-    sum_of_squares: f64,
-    /// How many are in each class of [`Histogram`].
-    pub(super) by_decade: [u64; CLASSES],
-}
-
-impl Errors {
-    /// Returns the root mean square of the relative errors; 0 without hits.
-    pub fn rms(&self) -> f64 {
-        if self.count == 0 { 0.0 } else { (self.sum_of_squares / self.count as f64).sqrt() }
-    }
-
-    pub(super) fn record(&mut self, error: f64) {
-        self.count += 1;
-        self.max = self.max.max(error);
-        self.sum_of_squares += error * error;
-        self.by_decade[UP_TO.iter().position(|most| error <= *most).unwrap_or(UP_TO.len())] += 1;
-    }
-
-    fn add(&mut self, other: Errors) {
-        self.count += other.count;
-        self.max = self.max.max(other.max);
-        self.sum_of_squares += other.sum_of_squares;
-        self.by_decade.iter_mut().zip(other.by_decade).for_each(|(all, more)| *all += more);
-    }
-}
 
 /// Results of comparing rays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,10 +45,18 @@ pub struct Tally {
     pub ties: u64,
     /// Number of rays for which the tracer is wrong, but not because of the output.
     pub tracer_faults: u64,
+    /// Number of rays that only a slack larger than [`EXCUSABLE`] of an object explains.
+    pub unclear: u64,
+    /// Instances of the input at which such rays were found.
+    pub(super) unclear_objects: BTreeSet<u32>,
+    /// Instances of the input that a hit of the output shows, within [`EXCUSABLE`] of their size.
+    pub(super) told_objects: BTreeSet<u32>,
     /// Errors in the input.
     pub before: Errors,
     /// Errors in the output.
     pub after: Errors,
+    /// How far hits of the output lie off the planes of their triangles.
+    pub(super) off_planes: OffPlanes,
     /// The first mismatches.
     pub examples: Vec<Mismatch>,
 }
@@ -110,11 +64,12 @@ pub struct Tally {
 impl Tally {
     /// Counts the judged hits of a ray in the input and the output; `agreed` tells whether both are the same.
     pub(super) fn count(&mut self, judged: Sides<Judgement>, agreed: bool) {
-        use Judgement::{Right, Silhouette, Tie, Wrong};
+        use Judgement::{Right, Silhouette, Tie, Unclear, Wrong};
         match (judged.before, judged.after) {
             (Wrong(_), Wrong(_)) if agreed => self.tracer_faults += 1,
             (_, Wrong(_)) => self.mismatches += 1,
             (Wrong(_), _) => self.tracer_faults += 1,
+            (Unclear, _) | (_, Unclear) => self.unclear += 1,
             (Right, Right) => {}
             _ if agreed => {}
             (Silhouette, _) | (_, Silhouette) => self.silhouettes += 1,
@@ -131,6 +86,10 @@ impl Tally {
         self.silhouettes += other.silhouettes;
         self.ties += other.ties;
         self.tracer_faults += other.tracer_faults;
+        self.unclear += other.unclear;
+        self.unclear_objects.extend(other.unclear_objects);
+        self.told_objects.extend(other.told_objects);
+        self.off_planes.add(other.off_planes);
         self.before.add(other.before);
         self.after.add(other.after);
         self.examples.extend(other.examples);
@@ -144,8 +103,10 @@ pub(super) struct View<'a> {
     /// Maps its triangles to those of the input; `None` for the input itself.
     identity: Option<&'a Identity<'a>>,
     magnitudes: Vec<Magnitude>,
-    /// Largest position error of its triangles, in world units; at most the allowed error.
-    pub(super) position_error: f64,
+    /// Largest position error of the triangles of each instance, in world units; at most the allowed error.
+    position_errors: Vec<f64>,
+    /// The largest of them.
+    pub(super) largest_position_error: f64,
 }
 
 /// Two scenes and the truth about the first.
@@ -162,6 +123,8 @@ pub struct Comparison<'a> {
 
 /// A hit reported by a tracer, compared with the triangle it names.
 struct Claim {
+    /// The instance hit, of the tracer's scene.
+    instance: u32,
     source: Option<TriangleRef>,
     material: Option<u32>,
     front: bool,
@@ -177,7 +140,20 @@ pub(super) enum Judgement {
     Right,
     Tie,
     Silhouette,
+    /// Right only by a slack larger than [`EXCUSABLE`] of an object.
+    Unclear,
     Wrong(Wrong),
+}
+
+/// What a first look at a ray finds.
+struct FirstLook {
+    errors: Sides<Option<HitError>>,
+    /// Of the output's hit, with its mesh.
+    off_plane: Option<(u32, OffPlane)>,
+    /// The instance of the input that the output's hit shows.
+    told: Option<u32>,
+    /// The ray, if it must be judged by the truth.
+    doubt: Option<Doubt>,
 }
 
 /// A ray that must be judged by the truth.
@@ -198,10 +174,10 @@ impl<'a> Comparison<'a> {
     ) -> Self {
         let (before, after) = identity.scenes();
         let allowed = allowed_error(before, options.max_position_error_ratio);
-        let position_error = structure.max_position_error.min(allowed);
+        let position_errors = structure.of_instances.iter().map(|error| error.min(allowed)).collect();
         Comparison {
-            before: View::new(before, None, before.largest_unavoidable_error()),
-            after: View::new(after, Some(identity), position_error),
+            before: View::of_input(before),
+            after: View::new(after, Some(identity), position_errors),
             identity,
             reference,
             structure_is_clean: structure.is_clean(),
@@ -213,7 +189,12 @@ impl<'a> Comparison<'a> {
 
     /// Returns the largest distance of a corner of the output from its place, at most the allowed one, in world units.
     pub(super) fn displacement(&self) -> f64 {
-        self.after.position_error
+        self.after.largest_position_error
+    }
+
+    /// Returns what rays could not tell.
+    pub(super) fn cannot_tell(&self, tally: &Tally) -> CannotTell {
+        CannotTell::new(&self.before, tally)
     }
 
     /// Compares the results of both tracers. If they agree and the result is true of the triangle they name, it is
@@ -222,21 +203,23 @@ impl<'a> Comparison<'a> {
         let Sides { before, after } = hits;
         let mut tally =
             Tally { rays: rays.len() as u64, hits: before.iter().flatten().count() as u64, ..Tally::default() };
-        let first: Vec<(Sides<Option<f64>>, Option<Doubt>)> = (0..rays.len())
+        let first: Vec<FirstLook> = (0..rays.len())
             .into_par_iter()
             .map(|i| self.first_look(kind, i, &rays[i], before[i].as_ref(), after[i].as_ref()))
             .collect();
         let mut doubts = Vec::new();
-        for (errors, doubt) in first {
-            errors.before.into_iter().for_each(|error| tally.before.record(error));
-            errors.after.into_iter().for_each(|error| tally.after.record(error));
-            doubts.extend(doubt);
+        for look in first {
+            look.errors.before.into_iter().for_each(|error| tally.before.record(error));
+            look.errors.after.into_iter().for_each(|error| tally.after.record(error));
+            look.off_plane.into_iter().for_each(|(mesh, off)| tally.off_planes.record(mesh, off));
+            tally.told_objects.extend(look.told);
+            doubts.extend(look.doubt);
         }
         self.settle(kind, rays, &doubts, &mut tally);
         tally
     }
 
-    /// Returns the distance errors of both hits, and the ray if it must be judged by the truth.
+    /// Measures both hits, and looks whether the ray must be judged by the truth.
     fn first_look(
         &self,
         kind: RayKind,
@@ -244,7 +227,7 @@ impl<'a> Comparison<'a> {
         ray: &Ray,
         before: Option<&Hit>,
         after: Option<&Hit>,
-    ) -> (Sides<Option<f64>>, Option<Doubt>) {
+    ) -> FirstLook {
         let doubt = Doubt {
             ray: index,
             before: before.map(|hit| self.claim(&self.before, ray, hit)),
@@ -252,11 +235,20 @@ impl<'a> Comparison<'a> {
         };
         let claims = Sides { before: &doubt.before, after: &doubt.after };
         let errors = claims.map(|claim| claim.as_ref().and_then(|claim| self.error(claim)));
+        let after = doubt.after.as_ref();
+        let off_plane = after.filter(|_| errors.after.is_some()).and_then(|claim| {
+            let off = self.after.off_plane(ray, claim.instance, claim.distance, &claim.truly?.0);
+            Some((self.after.mesh(claim.instance), off))
+        });
+        let told = after.and_then(|claim| self.told(claim));
         let stream = SAMPLE_STREAM + kind as u64;
         let is_sampled = || Random::at(self.seed, stream, index).unit() < self.sample_ratio;
         let settled = doubt.is_agreement()
-            && [&doubt.before, &doubt.after].into_iter().flatten().all(|c| self.fault(c).is_none());
-        (errors, (!settled || is_sampled()).then_some(doubt))
+            && [&doubt.before, &doubt.after]
+                .into_iter()
+                .flatten()
+                .all(|c| self.fault(c, self.excusable(c, None)).is_none());
+        FirstLook { errors, off_plane, told, doubt: (!settled || is_sampled()).then_some(doubt) }
     }
 
     /// Judges rays by the truth.
@@ -274,6 +266,9 @@ impl<'a> Comparison<'a> {
             let place = missed.and_then(|_| places.next().flatten());
             let after = self.judge(&self.after, ray, doubt.after.as_ref(), truth.as_ref(), place);
             let before = self.judge(&self.before, ray, doubt.before.as_ref(), truth.as_ref(), truth.map(|t| t.at));
+            if [before, after].contains(&Judgement::Unclear) {
+                tally.unclear_objects.extend(self.smallest_object(doubt, truth.as_ref()));
+            }
             self.count(doubt, before, after, tally);
             if let Judgement::Wrong(wrong) = after
                 && tally.examples.len() < EXAMPLES
@@ -307,14 +302,36 @@ impl<'a> Comparison<'a> {
             (approach, side.slack(hit.instance, ray, &approach))
         });
         let distance = f64::from(hit.t) * length;
-        Claim { source, material: material(side.scene, at), front: hit.front, distance, truly }
+        Claim { instance: hit.instance, source, material: material(side.scene, at), front: hit.front, distance, truly }
     }
 
-    /// Returns what is wrong with a claim, without knowing the truth.
-    fn fault(&self, claim: &Claim) -> Option<Wrong> {
+    /// Returns the largest slack that may excuse anything about a claim and the true hit, in world units: a share of the
+    /// smaller object.
+    fn excusable(&self, claim: &Claim, truth: Option<&TrueHit>) -> f64 {
+        let objects = claim.source.into_iter().chain(truth.map(|truth| truth.at));
+        objects.map(|at| self.before.excusable(at.instance)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Returns the smaller of the objects that the claims and the true hit of a ray are about.
+    fn smallest_object(&self, doubt: &Doubt, truth: Option<&TrueHit>) -> Option<u32> {
+        let claims = [&doubt.before, &doubt.after].into_iter().flatten();
+        let objects = claims.filter_map(|claim| claim.source).chain(truth.map(|truth| truth.at)).map(|at| at.instance);
+        objects.min_by(|&a, &b| self.before.excusable(a).total_cmp(&self.before.excusable(b)).then(a.cmp(&b)))
+    }
+
+    /// Returns the object that a claim shows, if single precision can tell it from what is beside it.
+    fn told(&self, claim: &Claim) -> Option<u32> {
+        let (source, (_, slack)) = (claim.source?, claim.truly?);
+        let excusable = self.before.excusable(source.instance);
+        (slack <= excusable && self.fault(claim, excusable).is_none()).then_some(source.instance)
+    }
+
+    /// Returns what is wrong with a claim, without knowing the truth. No slack larger than `most` excuses anything.
+    fn fault(&self, claim: &Claim, most: f64) -> Option<Wrong> {
         let (Some(source), Some((truly, slack))) = (claim.source, claim.truly) else {
             return Some(Wrong::UnknownTriangle);
         };
+        let slack = slack.min(most);
         if claim.material != material(self.before.scene, source) {
             Some(Wrong::Material)
         } else if !truly.explains(claim.distance, slack) {
@@ -335,8 +352,29 @@ impl<'a> Comparison<'a> {
         truth: Option<&TrueHit>,
         place: Option<TriangleRef>,
     ) -> Judgement {
+        let of_truth = || truth.map_or(f64::INFINITY, |truth| self.before.excusable(truth.at.instance));
+        let most = claim.map_or_else(of_truth, |claim| self.excusable(claim, truth));
+        match self.judge_within(most, side, ray, claim, truth, place) {
+            wrong @ Judgement::Wrong(_) => match self.judge_within(f64::INFINITY, side, ray, claim, truth, place) {
+                Judgement::Wrong(_) => wrong,
+                _ => Judgement::Unclear,
+            },
+            judged => judged,
+        }
+    }
+
+    /// Like [`Comparison::judge`]; no slack larger than `most` excuses anything.
+    fn judge_within(
+        &self,
+        most: f64,
+        side: &View,
+        ray: &Ray,
+        claim: Option<&Claim>,
+        truth: Option<&TrueHit>,
+        place: Option<TriangleRef>,
+    ) -> Judgement {
         let claimed = claim.and_then(|c| c.source);
-        if let Some(fault) = claim.and_then(|c| self.fault(c)) {
+        if let Some(fault) = claim.and_then(|c| self.fault(c, most)) {
             return Judgement::Wrong(fault);
         }
         let Some(truth) = truth else {
@@ -347,7 +385,7 @@ impl<'a> Comparison<'a> {
         }
         let Some(place) = place else { return Judgement::Wrong(Wrong::LostTriangle) };
         let truly = Approach::new(ray, &self.before.scene.world_corners(truth.at));
-        let slack = side.slack(place.instance, ray, &truly);
+        let slack = side.slack(place.instance, ray, &truly).min(most);
         let distance = truth.t * ray.direction.as_dvec3().length();
         match claim {
             Some(claim) if truly.explains(claim.distance, slack) => self.tie(claim, truth),
@@ -368,12 +406,14 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Returns the relative distance error of a hit, if the ray really intersects the triangle it names.
-    fn error(&self, claim: &Claim) -> Option<f64> {
-        let (truly, slack) = claim.truly?;
-        let distance = truly.distance.max(NEAR_RATIO * self.radius);
-        (truly.through && truly.explains(claim.distance, slack))
-            .then(|| (claim.distance - truly.distance).abs() / distance)
+    /// Returns the distance error of a hit, if the ray really intersects the triangle it names.
+    fn error(&self, claim: &Claim) -> Option<HitError> {
+        let ((truly, slack), object) = (claim.truly?, claim.source?.instance);
+        let near = truly.distance.max(NEAR_RATIO * self.radius);
+        let distance = (claim.distance - truly.distance).abs();
+        let hit =
+            HitError { relative: distance / near, distance, object: (object, self.before.over_size(object, distance)) };
+        (truly.through && truly.explains(claim.distance, slack)).then_some(hit)
     }
 
     fn mismatch(&self, kind: RayKind, doubt: &Doubt, truth: Option<&TrueHit>, wrong: Wrong) -> Mismatch {
@@ -395,9 +435,61 @@ impl Doubt {
 }
 
 impl<'a> View<'a> {
-    /// Creates a side for a scene whose triangles are off by at most this many world units.
-    pub(super) fn new(scene: &'a Scene, identity: Option<&'a Identity<'a>>, position_error: f64) -> Self {
-        View { scene, identity, magnitudes: magnitudes(scene), position_error }
+    /// Creates a side for a scene, given how far the triangles of each instance are off, in world units.
+    pub(super) fn new(scene: &'a Scene, identity: Option<&'a Identity<'a>>, position_errors: Vec<f64>) -> Self {
+        let largest_position_error = position_errors.iter().copied().fold(0.0, f64::max);
+        View { scene, identity, magnitudes: magnitudes(scene), position_errors, largest_position_error }
+    }
+
+    /// Creates the side of the input.
+    pub(super) fn of_input(scene: &'a Scene) -> Self {
+        let errors = (0..scene.instances.len() as u32).map(|i| scene.unavoidable_error(InstanceId(i)));
+        View::new(scene, None, errors.collect())
+    }
+
+    /// Returns the largest slack that may excuse anything at an instance, in world units.
+    pub(super) fn excusable(&self, instance: u32) -> f64 {
+        EXCUSABLE * self.scene.instance_boxes()[instance as usize].diagonal()
+    }
+
+    /// Returns a distance over the size of an instance.
+    pub(super) fn over_size(&self, instance: u32, distance: f64) -> f64 {
+        let ratio = distance / self.scene.instance_boxes()[instance as usize].diagonal();
+        if ratio.is_nan() { 0.0 } else { ratio.min(f64::MAX) }
+    }
+
+    /// Returns the mesh of an instance.
+    pub(super) fn mesh(&self, instance: u32) -> u32 {
+        self.scene.instances[instance as usize].mesh.0
+    }
+
+    /// Returns how far a hit of an instance at a distance lies off the plane of the triangle that the ray truly passes
+    /// so, with its bound.
+    pub(super) fn off_plane(&self, ray: &Ray, instance: u32, distance: f64, truly: &Approach) -> OffPlane {
+        let of = &self.scene.instances[instance as usize];
+        let reach = self.scene.meshes[of.mesh.0 as usize].reach();
+        let ahead = ray.direction.as_dvec3().normalize();
+        let way = [ray.origin.as_dvec3(), distance * ahead];
+        let bound = rounding::displacement(&of.transform, reach, truly.normal, way);
+        let off = (distance - truly.distance).abs() * truly.normal.dot(ahead).abs();
+        OffPlane::of_hit(off, bound + self.position_errors[instance as usize])
+    }
+
+    /// Returns the instances that no ray can tell from what is beside them, unless it starts near them: those for which
+    /// a ray as long as the scene may be off by more than a share of their size.
+    pub(super) fn out_of_sight(&self) -> impl Iterator<Item = u32> + '_ {
+        self.farthest_off().filter(|&(i, slack)| slack > self.excusable(i)).map(|(i, _)| i)
+    }
+
+    /// Returns how far a ray as long as the scene may be off at each instance that is larger than a point, in world
+    /// units.
+    pub(super) fn farthest_off(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
+        let bounds = self.scene.bounds();
+        let reach =
+            if bounds.is_empty() { DVec3::ZERO } else { bounds.min.abs().max(bounds.max.abs()) + bounds.size() };
+        let is_seen = |i: &u32| self.scene.mesh_of(InstanceId(*i)).triangle_count() > 0 && self.excusable(*i) > 0.0;
+        let instances = (0..self.scene.instances.len() as u32).filter(is_seen);
+        instances.map(move |i| (i, self.magnitudes[i as usize].slack(reach)))
     }
 
     /// Returns the triangle of the input that a triangle represents.
@@ -411,8 +503,8 @@ impl<'a> View<'a> {
     /// Returns how far a ray may be off a triangle of an instance at the point of passing, in world units.
     pub(super) fn slack(&self, instance: u32, ray: &Ray, approach: &Approach) -> f64 {
         let way = ray.direction.as_dvec3().abs() * approach.distance.abs();
-        let magnitude = self.magnitudes[instance as usize].at(ray.origin.as_dvec3().abs() + way);
-        ROUNDINGS * (SINGLE * magnitude + SMALLEST) + self.position_error
+        self.magnitudes[instance as usize].slack(ray.origin.as_dvec3().abs() + way)
+            + self.position_errors[instance as usize]
     }
 }
 
@@ -429,14 +521,7 @@ pub(super) fn material(scene: &Scene, at: TriangleRef) -> Option<u32> {
 }
 
 pub(super) fn magnitudes(scene: &Scene) -> Vec<Magnitude> {
-    let reach: Vec<DVec3> = scene
-        .meshes
-        .par_iter()
-        .map(|mesh| {
-            let bounds = mesh.bounds();
-            if bounds.is_empty() { DVec3::ZERO } else { bounds.min.abs().max(bounds.max.abs()) }
-        })
-        .collect();
+    let reach: Vec<DVec3> = scene.meshes.par_iter().map(|mesh| mesh.reach()).collect();
     let magnitude =
         |i: &crate::scene::Instance| Magnitude::new(&i.transform, &i.transform.inverse(), reach[i.mesh.0 as usize]);
     scene.instances.iter().map(magnitude).collect()

@@ -9,6 +9,7 @@ pub mod build;
 pub mod compare;
 pub mod cpu;
 pub mod device;
+pub mod errors;
 pub mod identity;
 mod materials;
 mod note;
@@ -19,6 +20,7 @@ pub mod rays;
 pub mod rounding;
 pub mod seams;
 mod sides;
+pub mod sight;
 pub mod speed;
 pub mod structure;
 mod surface;
@@ -157,7 +159,8 @@ pub fn verify_with<'t, T: Tracer + 't>(
         let aimed = Aimed::new(before, None, options.max_position_error_ratio * reference_length(before), options);
         let mut seen = tracing::trace(before, &rays, &aimed, tracers, options, compare)?;
         seen.notes.extend(surfaces.note());
-        return Ok(verdict::judge(seen, None, options));
+        let cannot_tell = surfaces.cannot_tell(&seen.tally);
+        return Ok(verdict::judge(scenes, seen, None, cannot_tell, options));
     }
     let identity = Identity::new(before, after);
     let structure = structure::compare(&identity, before, after, options.max_position_error_ratio);
@@ -165,5 +168,6 @@ pub fn verify_with<'t, T: Tracer + 't>(
     let compare = |kind, rays: &[_], hits: Sides<&[_]>| comparison.compare(kind, rays, hits);
     let aimed = Aimed::new(before, Some(&identity), comparison.displacement(), options);
     let seen = tracing::trace(before, &rays, &aimed, tracers, options, compare)?;
-    Ok(verdict::judge(seen, Some(structure), options))
+    let cannot_tell = comparison.cannot_tell(&seen.tally);
+    Ok(verdict::judge(scenes, seen, Some(structure), cannot_tell, options))
 }

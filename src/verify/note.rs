@@ -3,6 +3,7 @@
 use super::Side;
 use super::rays::RayKind;
 use super::seams::Seams;
+use super::sight::CannotTell;
 
 /// Something that a verification did otherwise than asked.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -13,6 +14,8 @@ pub enum Note {
     NotInTurns(String),
     /// Materials are matched by their look, because not all of them have names.
     ByLook,
+    /// Rays cannot tell some objects; the exact comparison can.
+    CannotTell(CannotTell),
     /// On the way through one of the files some textures count as opaque.
     OpaqueTextures(Side, OpaqueTextures),
 }
@@ -67,6 +70,10 @@ pub enum Failure {
     },
     /// More rays are lost at edges and vertices than in the input.
     Seams(Seams),
+    /// Rays cannot tell whether some objects are there, and nothing else was compared.
+    CannotTell(CannotTell),
+    /// No ray hits anything in either file, and nothing else was compared.
+    NothingHit,
 }
 
 /// What can be wrong with a triangle.

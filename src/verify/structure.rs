@@ -42,6 +42,12 @@ pub struct Structure {
     pub max_position_error: f64,
     /// The same over the diagonal of the input's box (for a single point, over its distance from the origin).
     pub position_error_ratio: f64,
+    /// The object of the input with the largest distance over the diagonal of its own box, and that ratio.
+    #[serde(skip)]
+    pub worst_object: Option<(InstanceId, f64)>,
+    /// The largest distance of a corner of each instance of the output, in world units.
+    #[serde(skip)]
+    pub of_instances: Vec<f64>,
 }
 
 impl Structure {
@@ -73,7 +79,13 @@ pub fn compare(identity: &Identity, before: &Scene, after: &Scene, max_position_
     let size = reference_length(before);
     let limit = allowed_error(before, max_position_error_ratio);
     let check = Check { identity, before, after, limit, seen: Seen::new(before) };
-    let tallies: Vec<Tally> = chunks(after).par_iter().map(|chunk| check.chunk(chunk)).collect();
+    let chunks = chunks(after);
+    let tallies: Vec<Tally> = chunks.par_iter().map(|chunk| check.chunk(chunk)).collect();
+    let mut of_instances = vec![0f64; after.instances.len()];
+    for (chunk, tally) in chunks.iter().zip(&tallies) {
+        let largest = &mut of_instances[chunk.instance as usize];
+        *largest = largest.max(tally.max_error);
+    }
     let all = tallies.into_iter().fold(Tally::default(), Tally::then);
     let words = |scene: &Scene, first: Option<TriangleRef>| first.map(|at| describe(scene, at));
     let in_after = |few: Few| Fault { count: few.count, first: words(after, few.first) };
@@ -89,6 +101,8 @@ pub fn compare(identity: &Identity, before: &Scene, after: &Scene, max_position_
         moved: in_after(all.moved),
         max_position_error: all.max_error.min(f64::MAX),
         position_error_ratio: if all.max_error > 0.0 { (all.max_error / size).min(f64::MAX) } else { 0.0 },
+        worst_object: all.worst_object,
+        of_instances,
     }
 }
 
@@ -141,6 +155,8 @@ struct Tally {
     flipped: Few,
     moved: Few,
     max_error: f64,
+    /// As in [`Structure::worst_object`].
+    worst_object: Option<(InstanceId, f64)>,
 }
 
 impl Tally {
@@ -152,11 +168,25 @@ impl Tally {
             flipped: self.flipped.then(later.flipped),
             moved: self.moved.then(later.moved),
             max_error: self.max_error.max(later.max_error),
+            worst_object: worse_object(self.worst_object, later.worst_object),
         }
     }
 }
 
+/// Returns the object with the larger ratio; the first of equal ones.
+fn worse_object(a: Option<(InstanceId, f64)>, b: Option<(InstanceId, f64)>) -> Option<(InstanceId, f64)> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if b.1 > a.1 { b } else { a }),
+        _ => a.or(b),
+    }
+}
+
 impl Check<'_> {
+    /// Returns a distance over the size of an object.
+    fn of_object(&self, object: InstanceId, distance: f64) -> f64 {
+        (distance / self.before.instance_boxes()[object.0 as usize].diagonal()).min(f64::MAX)
+    }
+
     fn chunk(&self, chunk: &Chunk) -> Tally {
         let mut tally = Tally::default();
         let sources = self.identity.sources(chunk.instance, chunk.geometry, chunk.triangles.clone());
@@ -170,6 +200,10 @@ impl Check<'_> {
             let (placed, original) = (self.after.world_corners(at), self.before.world_corners(source));
             let (error, same_side) = distance(&placed, &original);
             tally.max_error = tally.max_error.max(error);
+            if error > 0.0 {
+                let object = InstanceId(source.instance);
+                tally.worst_object = worse_object(tally.worst_object, Some((object, self.of_object(object, error))));
+            }
             if !same_side {
                 tally.flipped.add(at);
             }

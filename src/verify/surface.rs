@@ -8,10 +8,12 @@
 use rayon::prelude::*;
 
 use super::approach::Approach;
-use super::compare::{EXAMPLES, Errors, FAR_RATIO, Judgement, NEAR_RATIO, Tally, View, at_an_end};
+use super::compare::{EXAMPLES, FAR_RATIO, Judgement, NEAR_RATIO, Tally, View, at_an_end};
 use super::cpu::{Reference, TrueHit};
+use super::errors::HitError;
 use super::materials::Materials;
 use super::rays::{Ray, RayKind};
+use super::sight::CannotTell;
 use super::structure::allowed_error;
 use super::{Hit, Mismatch, Note, Side, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{Scene, TriangleRef};
@@ -28,6 +30,10 @@ pub(super) struct Surfaces<'a> {
 /// A hit reported by one side's tracer; lengths are in world units.
 #[derive(Clone, Copy)]
 struct Claim {
+    /// The instance hit, of the tracer's scene.
+    instance: u32,
+    /// How the ray passes the hit triangle, in its own file.
+    own: Approach,
     distance: f64,
     front: bool,
     /// The kind of material, see [`Materials`].
@@ -40,7 +46,10 @@ struct Claim {
 }
 
 /// A triangle of the input on the path of a ray.
+#[derive(Clone, Copy)]
 struct Truth {
+    /// Its instance.
+    object: u32,
     approach: Approach,
     slack: f64,
     distance: f64,
@@ -64,15 +73,19 @@ impl<'a> Surfaces<'a> {
         options: &VerifyOptions,
     ) -> Self {
         let allowed = allowed_error(scenes.before, options.max_position_error_ratio);
-        let of_reading = scenes.before.largest_unavoidable_error();
-        let sides =
-            Sides { before: View::new(scenes.before, None, of_reading), after: View::new(scenes.after, None, allowed) };
+        let of_after = vec![allowed; scenes.after.instances.len()];
+        let sides = Sides { before: View::of_input(scenes.before), after: View::new(scenes.after, None, of_after) };
         Surfaces { sides, materials: Materials::of(scenes), reference, radius }
     }
 
     /// Returns a note on how materials are matched.
     pub(super) fn note(&self) -> Option<Note> {
         (!self.materials.are_named()).then_some(Note::ByLook)
+    }
+
+    /// Returns what rays could not tell.
+    pub(super) fn cannot_tell(&self, tally: &Tally) -> CannotTell {
+        CannotTell::new(&self.sides.before, tally)
     }
 
     /// Compares the results of both tracers.
@@ -86,8 +99,8 @@ impl<'a> Surfaces<'a> {
         let truths: Vec<Option<Truth>> =
             rays.par_iter().zip(&truths).map(|(ray, t)| t.as_ref().map(|t| self.truth(ray, t))).collect();
         let mut doubts = Vec::new();
-        for (ray, (claims, truth)) in claims.iter().zip(&truths).enumerate() {
-            self.first_look(ray, claims, truth.as_ref(), &mut doubts, &mut tally);
+        for (at, (claims, truth)) in claims.iter().zip(&truths).enumerate() {
+            self.first_look((at, &rays[at]), claims, truth.as_ref(), &mut doubts, &mut tally);
         }
         self.settle(kind, rays, &claims, &truths, &doubts, &mut tally);
         tally
@@ -96,7 +109,7 @@ impl<'a> Surfaces<'a> {
     /// Records errors and far hits, and collects claims that are not obviously right.
     fn first_look(
         &self,
-        ray: usize,
+        (at, ray): (usize, &Ray),
         claims: &Sides<Option<Claim>>,
         truth: Option<&Truth>,
         doubts: &mut Vec<Doubt>,
@@ -105,11 +118,10 @@ impl<'a> Surfaces<'a> {
         for side in Side::BOTH {
             match (&claims[side], truth) {
                 (None, None) => {}
-                (Some(claim), Some(truth)) if truth.shows(claim) => {
-                    let errors = if side == Side::Before { &mut tally.before } else { &mut tally.after };
-                    self.record(errors, claim, truth);
+                (Some(claim), Some(truth)) if self.shows_within_share(side, ray, claim, truth) => {
+                    self.record(side, ray, claim, truth, tally);
                 }
-                (claim, _) => doubts.push(Doubt { ray, side, claim: *claim }),
+                (claim, _) => doubts.push(Doubt { ray: at, side, claim: *claim }),
             }
         }
         tally.far_hits += u64::from(match (&claims.before, &claims.after) {
@@ -119,9 +131,39 @@ impl<'a> Surfaces<'a> {
         });
     }
 
-    fn record(&self, errors: &mut Errors, claim: &Claim, truth: &Truth) {
-        if truth.approach.through {
-            errors.record((claim.distance - truth.distance).abs() / truth.distance.max(NEAR_RATIO * self.radius));
+    /// Whether a claim refers to a triangle within a slack that the smaller of both objects excuses.
+    fn shows_within_share(&self, side: Side, ray: &Ray, claim: &Claim, truth: &Truth) -> bool {
+        let most = self.excusable(side, claim, truth);
+        truth.within(most).shows(&claim.within(most, ray))
+    }
+
+    /// Returns the largest slack that may excuse anything about a claim and a triangle of the input, in world units.
+    fn excusable(&self, side: Side, claim: &Claim, truth: &Truth) -> f64 {
+        self.sides[side].excusable(claim.instance).min(self.sides.before.excusable(truth.object))
+    }
+
+    /// Records what a claim that shows a triangle of the input tells.
+    fn record(&self, side: Side, ray: &Ray, claim: &Claim, truth: &Truth, tally: &mut Tally) {
+        if side == Side::After && claim.slack + truth.slack <= self.excusable(side, claim, truth) {
+            tally.told_objects.insert(truth.object);
+        }
+        if !truth.approach.through {
+            return;
+        }
+        let distance = (claim.distance - truth.distance).abs();
+        let relative = distance / truth.distance.max(NEAR_RATIO * self.radius);
+        let object = (truth.object, self.sides.before.over_size(truth.object, distance));
+        let errors = HitError { relative, distance, object };
+        match side {
+            Side::Before => tally.before.record(errors),
+            Side::After => {
+                tally.after.record(errors);
+                let of = &self.sides.after;
+                tally.off_planes.record(
+                    of.mesh(claim.instance),
+                    of.off_plane(ray, claim.instance, claim.distance, &truth.approach),
+                );
+            }
         }
     }
 
@@ -135,16 +177,23 @@ impl<'a> Surfaces<'a> {
         doubts: &[Doubt],
         tally: &mut Tally,
     ) {
-        let there = self.are_there(rays, doubts);
+        let there = Within::ALL.map(|within| self.are_there(within, rays, doubts));
         let mut at = 0;
         for of_ray in doubts.chunk_by(|a, b| a.ray == b.ray) {
             let ray = of_ray[0].ray;
             let mut judged = Sides { before: Judgement::Right, after: Judgement::Right };
             for doubt in of_ray {
-                judged[doubt.side] = match doubt.claim {
-                    Some(claim) => judge_hit(&rays[ray], &claim, truths[ray].as_ref(), there[at]),
-                    None => judge_miss(&rays[ray], truths[ray].as_ref(), self.sides[doubt.side].position_error),
+                let [share, all] = Within::ALL.map(|within| {
+                    self.judge(within, &rays[ray], doubt, truths[ray].as_ref(), there[within as usize][at])
+                });
+                judged[doubt.side] = match (share, all) {
+                    (Judgement::Wrong(_), Judgement::Wrong(_)) => share,
+                    (Judgement::Wrong(_), _) => Judgement::Unclear,
+                    _ => share,
                 };
+                if judged[doubt.side] == Judgement::Unclear {
+                    tally.unclear_objects.extend(truths[ray].as_ref().map(|truth| truth.object));
+                }
                 at += 1;
             }
             tally.count(judged, agree(&claims[ray], FAR_RATIO * self.radius));
@@ -164,10 +213,31 @@ impl<'a> Surfaces<'a> {
 
     /// Returns, for each doubt, whether the input has a surface at the claimed place, with the claimed material and
     /// side. As other surfaces may be equally close, all triangles that the ray intersects are considered.
-    fn are_there(&self, rays: &[Ray], doubts: &[Doubt]) -> Vec<bool> {
+    fn are_there(&self, within: Within, rays: &[Ray], doubts: &[Doubt]) -> Vec<bool> {
         let from: Vec<Ray> = doubts.iter().map(|doubt| rays[doubt.ray]).collect();
-        self.reference
-            .meet(&from, |i, hit| doubts[i].claim.as_ref().is_some_and(|claim| self.truth(&from[i], hit).shows(claim)))
+        self.reference.meet(&from, |i, hit| {
+            let (truth, side) = (self.truth(&from[i], hit), doubts[i].side);
+            doubts[i].claim.as_ref().is_some_and(|claim| match within {
+                Within::Share => self.shows_within_share(side, &from[i], claim, &truth),
+                Within::All => truth.shows(claim),
+            })
+        })
+    }
+
+    /// Judges one side's result for a ray.
+    fn judge(&self, within: Within, ray: &Ray, doubt: &Doubt, truth: Option<&Truth>, is_there: bool) -> Judgement {
+        let of_input = &self.sides.before;
+        let most = match (within, &doubt.claim, truth) {
+            (Within::All, ..) | (_, None, None) => f64::INFINITY,
+            (_, Some(claim), Some(truth)) => self.excusable(doubt.side, claim, truth),
+            (_, Some(claim), None) => self.sides[doubt.side].excusable(claim.instance),
+            (_, None, Some(truth)) => of_input.excusable(truth.object),
+        };
+        let truth = truth.map(|truth| truth.within(most));
+        match doubt.claim {
+            Some(claim) => judge_hit(ray, &claim.within(most, ray), truth.as_ref(), is_there),
+            None => judge_miss(ray, truth.as_ref(), self.sides[doubt.side].largest_position_error.min(most)),
+        }
     }
 
     fn claim(&self, of: Side, ray: &Ray, hit: &Hit) -> Claim {
@@ -176,6 +246,8 @@ impl<'a> Surfaces<'a> {
         let own = Approach::new(ray, &side.scene.world_corners(at));
         let slack = side.slack(hit.instance, ray, &own);
         Claim {
+            instance: hit.instance,
+            own,
             distance: f64::from(hit.t) * ray.direction.as_dvec3().length(),
             front: hit.front,
             material: self.materials.kind(of, side.scene, at),
@@ -188,6 +260,7 @@ impl<'a> Surfaces<'a> {
         let side = &self.sides.before;
         let approach = Approach::new(ray, &side.scene.world_corners(hit.at));
         Truth {
+            object: hit.at.instance,
             slack: side.slack(hit.at.instance, ray, &approach),
             distance: hit.t * ray.direction.as_dvec3().length(),
             material: self.materials.kind(Side::Before, side.scene, hit.at),
@@ -196,7 +269,35 @@ impl<'a> Surfaces<'a> {
     }
 }
 
+/// How large a slack may excuse a difference.
+#[derive(Clone, Copy)]
+enum Within {
+    /// Up to a share of the smaller object.
+    Share,
+    /// Any.
+    All,
+}
+
+impl Within {
+    const ALL: [Within; 2] = [Within::Share, Within::All];
+}
+
+impl Claim {
+    /// Returns it with a slack of at most `most`.
+    fn within(&self, most: f64, ray: &Ray) -> Claim {
+        if self.slack <= most {
+            return *self;
+        }
+        Claim { slack: most, doubtful: self.own.grazes(most) || at_an_end(ray, &self.own, most), ..*self }
+    }
+}
+
 impl Truth {
+    /// Returns it with a slack of at most `most`.
+    fn within(&self, most: f64) -> Truth {
+        Truth { slack: self.slack.min(most), ..*self }
+    }
+
     /// Whether a claim refers to this triangle, or to one that looks the same in the same place.
     fn shows(&self, claim: &Claim) -> bool {
         let slack = self.slack + claim.slack;

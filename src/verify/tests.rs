@@ -70,7 +70,8 @@ fn mismatches_seen(before: &Scene, after: &Scene) -> u64 {
     let reference = Reference::new(&trees_before);
     let identity = Identity::new(before, after);
     let rays = generate(before, &reference, 2048, 1);
-    let comparison = Comparison::new(&identity, &reference, &Structure::default(), rays.radius, &options());
+    let clean = Structure { of_instances: vec![0.0; after.instances.len()], ..Structure::default() };
+    let comparison = Comparison::new(&identity, &reference, &clean, rays.radius, &options());
     let tracers = [CpuTracer::new(&trees_before), CpuTracer::new(&trees_after)];
     let compare = |(kind, rays): (RayKind, &Vec<_>)| {
         comparison

@@ -8,9 +8,11 @@
 //!   ([`Seams::is_worse`]).
 //!
 //! Rounding explains a difference if the ray passes the edge of the triangle at issue within the slack, the sum of
-//! - [`ROUNDINGS`](super::compare::ROUNDINGS) times half the spacing of 32-bit floats at 1 times the largest numbers
-//!   that meet when the ray is taken into the mesh ([`Magnitude`](super::rounding::Magnitude)), and
-//! - the largest position error found, up to the one allowed (in the output only).
+//! - what single precision may move a ray beside an edge ([`Magnitude::slack`](super::rounding::Magnitude::slack)), and
+//! - the largest position error found in the instance, up to the one allowed (in the output only).
+//!
+//! A slack larger than a tenth of the smaller object concerned excuses nothing: then the rays cannot tell
+//! ([`CannotTell`]). If the exact comparison can, that is a note; if only rays were asked, the file fails.
 //!
 //! A hit's distance must be right within what the slack can do to it ([`window`](super::approach::Approach::window)).
 //! A tie is a triangle at the distance of the true hit, within the same bounds.
@@ -18,13 +20,16 @@
 use serde::Serialize;
 
 use super::build::Structures;
-use super::compare::{Histogram, Tally};
+use super::compare::Tally;
+use super::errors::{ErrorReport, Histogram};
 use super::seams::Seams;
+use super::sight::CannotTell;
 use super::speed::KindSpeed;
-use super::structure::{Fault, Structure};
+use super::structure::{Fault, Structure, allowed_error};
 use super::tracing::Seen;
 use super::weights::Weights;
 use super::{Failure, FaultKind, Note, PerKind, Sides, VerifyOptions};
+use crate::scene::Scene;
 
 /// Results of verifying a file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -47,8 +52,12 @@ pub struct Verification {
     pub far_hits: u64,
     /// Number of rays for which the tracer itself was wrong: it missed the truth in the input, or in both files alike.
     pub tracer_faults: u64,
+    /// What rays could not tell.
+    pub cannot_tell: CannotTell,
     /// Rays aimed at edges and vertices, which are in none of the other numbers.
     pub seams: Seams,
+    /// Errors over the size of the scene and of objects, and of groups beside their bounds.
+    pub errors: ErrorReport,
     /// Largest distance error of the output's hits against the truth, over the distance (or over a thousandth of half
     /// the scene's diagonal if that is more).
     pub max_relative_distance_error: f64,
@@ -88,11 +97,25 @@ impl Verification {
 }
 
 /// Applies the rules; without a `structure`, only the traced rays count.
-pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOptions) -> Verification {
-    let tally = seen.tally;
+pub(super) fn judge(
+    scenes: Sides<&Scene>,
+    seen: Seen,
+    structure: Option<Structure>,
+    cannot_tell: CannotTell,
+    options: &VerifyOptions,
+) -> Verification {
+    let Seen { tally, mut notes, .. } = seen;
     let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
     failures.extend(ray_failure(&tally));
     failures.extend(seen.seams.is_worse().then_some(Failure::Seams(seen.seams)));
+    let is_blind = tally.hits == 0 && scenes.before.triangles_placed().max(scenes.after.triangles_placed()) > 0;
+    failures.extend((structure.is_none() && failures.is_empty() && is_blind).then_some(Failure::NothingHit));
+    match structure {
+        _ if cannot_tell.is_nothing() => {}
+        Some(_) => notes.push(Note::CannotTell(cannot_tell.clone())),
+        None => failures.push(Failure::CannotTell(cannot_tell.clone())),
+    }
+    let allowed = allowed_error(scenes.before, options.max_position_error_ratio);
     Verification {
         device: seen.device,
         view: seen.view,
@@ -103,7 +126,9 @@ pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOp
         ties: tally.ties,
         far_hits: tally.far_hits,
         tracer_faults: tally.tracer_faults,
+        cannot_tell,
         seams: seen.seams,
+        errors: ErrorReport::new(scenes, structure.as_ref(), &tally, allowed),
         max_relative_distance_error: tally.after.max,
         rms_relative_distance_error: tally.after.rms(),
         before_max_relative_distance_error: tally.before.max,
@@ -115,7 +140,7 @@ pub(super) fn judge(seen: Seen, structure: Option<Structure>, options: &VerifyOp
         structures: seen.structures,
         structure,
         failures,
-        notes: seen.notes,
+        notes,
     }
 }
 
@@ -151,6 +176,9 @@ pub enum Verdict {
     /// The output is the input.
     #[serde(rename = "left alone")]
     LeftAlone,
+    /// Nothing differs that rays can tell, but they cannot tell everything, and nothing else was compared.
+    #[serde(rename = "cannot tell")]
+    CannotTell,
     /// Verification failed; there is no output.
     #[serde(rename = "failed")]
     Failed,
@@ -159,7 +187,9 @@ pub enum Verdict {
 /// Decides the result; faster means: weighted over ray kinds, by more than the uncertainty of the speedup.
 pub(crate) fn verdict(verification: &Verification, weights: &Weights, unchanged: bool) -> Verdict {
     if !verification.passed() {
-        return Verdict::Failed;
+        let is_unclear = |failure: &Failure| matches!(failure, Failure::CannotTell(_) | Failure::NothingHit);
+        let unclear = verification.failures.iter().all(is_unclear);
+        return if unclear { Verdict::CannotTell } else { Verdict::Failed };
     }
     if unchanged {
         return Verdict::LeftAlone;

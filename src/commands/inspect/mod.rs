@@ -6,7 +6,8 @@ use crate::commands::measure::measure_as_is;
 use crate::commands::source::Source;
 use crate::cost::overlap::{self, Pair};
 use crate::report::{Input, InspectReport, OverlappingPair};
-use crate::scene::{self, Instance, LoadOptions, Scene};
+use crate::scene::{self, LoadOptions, Scene};
+use crate::verify::sight::DeviceError;
 
 /// Number of pairs to list.
 const WORST: usize = 10;
@@ -27,6 +28,7 @@ pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, r
         rules_checked: rules::CHECKED.to_vec(),
         findings: rules::findings(&scene, &worst_pairs),
         worst_pairs,
+        device_error: DeviceError::of(&scene),
         warnings: doc.warnings.iter().chain(&warnings).map(ToString::to_string).collect(),
     })
 }
@@ -39,17 +41,8 @@ fn worst_pairs_of(scene: &Scene) -> Vec<OverlappingPair> {
 }
 
 fn named(scene: &Scene, pair: &Pair, area: f64) -> OverlappingPair {
-    let name = |i: u32| name_of(&scene.instances[i as usize]);
+    let name = |i: u32| scene.instances[i as usize].display_name();
     OverlappingPair { a: name(pair.a), b: name(pair.b), overlap_ratio: pair.area / area }
-}
-
-/// A name to display: the node's name, or its number.
-fn name_of(instance: &Instance) -> String {
-    let copy = if instance.copy > 0 { format!(" copy {}", instance.copy) } else { String::new() };
-    match instance.name.as_str() {
-        "" => format!("node {}{copy}", instance.node),
-        name => format!("{name}{copy}"),
-    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use glam::DVec3;
 
-use super::name_of;
 use crate::cost::bytes;
 use crate::report::{Broken, Finding, OverlappingPair, Severity};
 use crate::scene::{Mesh, Scene};
@@ -120,7 +119,7 @@ fn loose_transforms(scene: &Scene) -> Option<Finding> {
     let loose = || scene.instances.iter().filter(|i| stretch(i.transform.matrix3) > LOOSE_SCALE);
     let first = loose().next()?;
     let broken = Broken::Loose { instances: loose().count(), factor: LOOSE_SCALE };
-    Some(Finding::new("RK013", Severity::Info, name_of(first), &broken))
+    Some(Finding::new("RK013", Severity::Info, first.display_name(), &broken))
 }
 
 /// The smallest and largest singular value of a matrix: square roots of the eigenvalues of its Gram matrix, in closed
@@ -152,7 +151,7 @@ fn tiny(scene: &Scene) -> Option<Finding> {
         || scene.instances.iter().zip(scene.instance_boxes()).filter(|(_, b)| b.size().max_element() < SMALLEST_EXTENT);
     let (first, _) = tiny().next()?;
     let broken = Broken::Tiny { instances: tiny().count(), least: SMALLEST_EXTENT };
-    Some(Finding::new("RK016", Severity::Info, name_of(first), &broken))
+    Some(Finding::new("RK016", Severity::Info, first.display_name(), &broken))
 }
 
 #[cfg(test)]

@@ -7,10 +7,10 @@ use super::places::Place;
 use super::{Aimed, Class, scaled_normal};
 use crate::scene::Scene;
 use crate::verify::approach::Approach;
-use crate::verify::compare::{ROUNDINGS, magnitudes};
+use crate::verify::compare::magnitudes;
 use crate::verify::random::Random;
 use crate::verify::rays::Ray;
-use crate::verify::rounding::{Magnitude, SINGLE, SMALLEST};
+use crate::verify::rounding::Magnitude;
 use crate::verify::view::Stage;
 
 /// Number of attempts to find a place and a direction for a ray.
@@ -89,8 +89,7 @@ impl<'a> Aim<'a> {
 
     /// Returns the bound of how far rounding moves a ray at a place, in world units, for coordinates up to `reach`.
     fn rounding(&self, place: &Place, reach: DVec3) -> f64 {
-        let of = |instance: u32| ROUNDINGS * (SINGLE * self.magnitudes[instance as usize].at(reach) + SMALLEST);
-        place.triangles.iter().map(|at| of(at.instance)).fold(0.0, f64::max)
+        place.triangles.iter().map(|at| self.magnitudes[at.instance as usize].slack(reach)).fold(0.0, f64::max)
     }
 
     /// Returns the largest distance at which a ray that is off by `slack` may hit the triangles of a place.

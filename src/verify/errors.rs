@@ -1,0 +1,243 @@
+//! Errors of stored positions and of the hits that a tracer reports: by ray, by object of the input, by group of the
+//! output.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::Sides;
+use super::compare::Tally;
+use super::rounding::{self, SINGLE};
+use super::structure::{Structure, reference_length};
+use crate::scene::{InstanceId, Scene};
+
+/// The largest errors of the classes of a [`Histogram`]; the last class has none.
+const UP_TO: [f64; 10] = [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+
+/// Classes of a [`Histogram`].
+const CLASSES: usize = UP_TO.len() + 1;
+
+/// Groups listed in [`ErrorReport::worst_groups`].
+const LISTED: usize = 16;
+
+/// How relative distance errors are distributed, by decades.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Histogram {
+    /// The largest error of each class; none for the last one.
+    pub up_to: Vec<Option<f64>>,
+    /// How many hits are in each class.
+    #[serde(flatten)]
+    pub hits: Sides<[u64; CLASSES]>,
+}
+
+impl Histogram {
+    /// Of the hits that a comparison measured.
+    pub(super) fn of(tally: &Tally) -> Histogram {
+        let hits = Sides { before: tally.before.by_decade, after: tally.after.by_decade };
+        Histogram { up_to: UP_TO.into_iter().map(Some).chain([None]).collect(), hits }
+    }
+}
+
+/// The error of one hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct HitError {
+    /// Distance error over the distance, or over a thousandth of the scene's radius if that is more.
+    pub(super) relative: f64,
+    /// Distance error, in world units.
+    pub(super) distance: f64,
+    /// The instance of the input that is hit, and the distance error over the diagonal of its box.
+    pub(super) object: (u32, f64),
+}
+
+/// Distance errors relative to the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// Number of hits measured.
+    pub count: u64,
+    /// Largest relative error.
+    pub max: f64,
+    sum_of_squares: f64,
+    /// How many are in each class of [`Histogram`].
+    pub(super) by_decade: [u64; CLASSES],
+    /// Largest error, in world units.
+    pub(super) largest: f64,
+    /// The instance of the input with the largest error over its size, and that ratio.
+    pub(super) worst_object: Option<(u32, f64)>,
+}
+
+impl Errors {
+    /// Returns the root mean square of the relative errors; 0 without hits.
+    pub fn rms(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { (self.sum_of_squares / self.count as f64).sqrt() }
+    }
+
+    pub(super) fn record(&mut self, error: HitError) {
+        let mut classes = [0; CLASSES];
+        classes[UP_TO.iter().position(|most| error.relative <= *most).unwrap_or(UP_TO.len())] = 1;
+        self.add(Errors {
+            count: 1,
+            max: error.relative,
+            sum_of_squares: error.relative * error.relative,
+            by_decade: classes,
+            largest: error.distance,
+            worst_object: (error.object.1 > 0.0).then_some(error.object),
+        });
+    }
+
+    pub(super) fn add(&mut self, other: Errors) {
+        self.count += other.count;
+        self.max = self.max.max(other.max);
+        self.sum_of_squares += other.sum_of_squares;
+        self.by_decade.iter_mut().zip(other.by_decade).for_each(|(all, more)| *all += more);
+        self.largest = self.largest.max(other.largest);
+        if other.worst_object.map(|(_, ratio)| ratio) > self.worst_object.map(|(_, ratio)| ratio) {
+            self.worst_object = other.worst_object;
+        }
+    }
+}
+
+/// How far hits of one group lie off the planes of their triangles, in world units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct OffPlane {
+    hits: u64,
+    largest: f64,
+    /// The largest bound of these hits.
+    bound: f64,
+}
+
+impl OffPlane {
+    pub(super) fn of_hit(off: f64, bound: f64) -> OffPlane {
+        OffPlane { hits: 1, largest: off, bound }
+    }
+}
+
+/// [`OffPlane`] for each mesh of the output that was hit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct OffPlanes(BTreeMap<u32, OffPlane>);
+
+impl OffPlanes {
+    pub(super) fn record(&mut self, mesh: u32, of: OffPlane) {
+        let all = self.0.entry(mesh).or_default();
+        all.hits += of.hits;
+        all.largest = all.largest.max(of.largest);
+        all.bound = all.bound.max(of.bound);
+    }
+
+    pub(super) fn add(&mut self, other: OffPlanes) {
+        other.0.into_iter().for_each(|(mesh, of)| self.record(mesh, of));
+    }
+}
+
+/// An error in world units, over the size of the scene, and over the size of an object of the input.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ErrorSizes {
+    /// The largest, in world units.
+    pub max: f64,
+    /// The same over the diagonal of the input's box.
+    pub ratio_of_scene: f64,
+    /// The largest ratio of such an error to the diagonal of the box of the object it occurs at.
+    pub ratio_of_object: f64,
+    /// That object, by the name of its node; `None` without an error.
+    pub object: Option<String>,
+}
+
+impl ErrorSizes {
+    pub(super) fn new(before: &Scene, max: f64, worst: Option<(u32, f64)>) -> ErrorSizes {
+        ErrorSizes {
+            max,
+            ratio_of_scene: (max / reference_length(before)).min(f64::MAX),
+            ratio_of_object: worst.map_or(0.0, |(_, ratio)| ratio),
+            object: worst.map(|(object, _)| before.instances[object as usize].display_name()),
+        }
+    }
+}
+
+/// The errors of one group, with the bounds that the derivation in `docs/accuracy.md` gives; in world units.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GroupErrors {
+    /// Name of the mesh.
+    pub name: String,
+    /// The largest distance of a corner from its place; `None` if only surfaces were compared.
+    pub position_error: Option<f64>,
+    /// Its bound: what rounding the stored positions once may cost. For copies of another mesh, the error allowed.
+    pub position_error_bound: f64,
+    /// Number of rays that hit the group and whose error was measured.
+    pub hits: u64,
+    /// The largest distance of a reported hit from the plane of the triangle hit.
+    pub hit_error: f64,
+    /// The largest bound of these hits.
+    pub hit_error_bound: f64,
+}
+
+/// Errors of positions and hits.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ErrorReport {
+    /// Of positions of the output; `None` if only surfaces were compared.
+    pub position: Option<ErrorSizes>,
+    /// Of the distances to the hits.
+    pub distance: Sides<ErrorSizes>,
+    /// The groups of the output whose hits may be off farthest for their size, at most 16.
+    pub worst_groups: Vec<GroupErrors>,
+}
+
+impl ErrorReport {
+    /// Of what a comparison of two scenes found; `allowed` is the largest allowed position error, in world units.
+    pub(super) fn new(
+        scenes: Sides<&Scene>,
+        structure: Option<&Structure>,
+        tally: &Tally,
+        allowed: f64,
+    ) -> ErrorReport {
+        let Sides { before, after } = scenes;
+        let distance = |of: &Errors| ErrorSizes::new(before, of.largest, of.worst_object);
+        let position = |of: &Structure| {
+            ErrorSizes::new(before, of.max_position_error, of.worst_object.map(|(object, ratio)| (object.0, ratio)))
+        };
+        ErrorReport {
+            position: structure.map(position),
+            distance: Sides { before: distance(&tally.before), after: distance(&tally.after) },
+            worst_groups: worst_groups(after, structure, &tally.off_planes, allowed),
+        }
+    }
+}
+
+fn worst_groups(after: &Scene, structure: Option<&Structure>, off: &OffPlanes, allowed: f64) -> Vec<GroupErrors> {
+    let mut places = vec![Vec::new(); after.meshes.len()];
+    (0u32..).zip(&after.instances).for_each(|(i, instance)| places[instance.mesh.0 as usize].push(InstanceId(i)));
+    let over_size = |mesh: u32, bound: f64| {
+        let sizes = places[mesh as usize].iter().map(|i| after.instance_boxes()[i.0 as usize].diagonal());
+        bound / sizes.fold(f64::INFINITY, f64::min)
+    };
+    let mut worst: Vec<(f64, u32, &OffPlane)> =
+        off.0.iter().map(|(&mesh, of)| (over_size(mesh, of.bound), mesh, of)).collect();
+    worst.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    worst.truncate(LISTED);
+    let of_group = |(_, mesh, of): (f64, u32, &OffPlane)| {
+        let places = &places[mesh as usize];
+        let largest = |of: &dyn Fn(InstanceId) -> f64| places.iter().map(|&i| of(i)).fold(0.0, f64::max);
+        GroupErrors {
+            name: match after.meshes[mesh as usize].name.as_str() {
+                "" => format!("mesh {}", after.meshes[mesh as usize].source),
+                name => name.to_owned(),
+            },
+            position_error: structure.map(|structure| largest(&|i| structure.of_instances[i.0 as usize])),
+            position_error_bound: largest(&|i| position_bound(after, i, allowed)),
+            hits: of.hits,
+            hit_error: of.largest,
+            hit_error_bound: of.bound.min(f64::MAX),
+        }
+    };
+    worst.into_iter().map(of_group).collect()
+}
+
+/// Returns how far corners of an instance may be from their places: each is rounded once, in the coordinates of the
+/// mesh. A copy found of another mesh, or one placed by attributes in single precision, may be as far as `allowed`.
+pub(super) fn position_bound(scene: &Scene, instance: InstanceId, allowed: f64) -> f64 {
+    let of = &scene.instances[instance.0 as usize];
+    let there = rounding::absolute(&of.transform.matrix3);
+    let reach = scene.meshes[of.mesh.0 as usize].reach();
+    let in_double = |largest: DVec3| 8.0 * f64::EPSILON * (there * largest + of.transform.translation.abs());
+    let rounded = (SINGLE * (there * reach) + in_double(reach)).length();
+    if of.source_copy.is_some() || of.copy > 0 { rounded.max(allowed) } else { rounded }
+}
