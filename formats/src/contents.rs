@@ -188,8 +188,9 @@ pub struct Source {
 /// The triangles of a primitive, in its own coordinates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Triangles {
-    /// Vertex positions as stored (dequantised if the file quantises them).
-    pub positions: Vec<[f32; 3]>,
+    /// Vertex positions as stored (dequantised if the file quantises them). Primitives that refer to the same accessor
+    /// share them.
+    pub positions: Arc<[[f32; 3]]>,
     /// What rounding took from the positions, see [`Residuals`](crate::document::Residuals); `None` if nothing.
     pub residuals: Option<Arc<[Vec3]>>,
     /// Vertices of each triangle, counter-clockwise seen from the front; strips and fans are unrolled. Every index

@@ -84,7 +84,7 @@ mod tests {
         let before = two_grids();
         let trees = MeshTrees::build(&before);
         let mut after = before.clone();
-        after.meshes[1].geometries[0].positions[7].x += 0.25;
+        Arc::make_mut(&mut after.meshes[1].geometries[0].positions)[7].x += 0.25;
         after.meshes.push(grid_mesh(2));
         let others = trees.build_for(&before, &after, &[]);
         let of = |trees: &MeshTrees, mesh: usize| trees.0[mesh].clone().expect("it is built");

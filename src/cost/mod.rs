@@ -123,7 +123,7 @@ mod tests {
 
     pub(super) fn mesh(triangles: &[[Vec3; 3]]) -> Mesh {
         let indices = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        let geometry = Geometry { positions: triangles.concat(), triangles: indices, ..Geometry::default() };
+        let geometry = Geometry { positions: triangles.concat().into(), triangles: indices, ..Geometry::default() };
         Mesh { geometries: vec![geometry], ..Mesh::default() }
     }
 

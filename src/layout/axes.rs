@@ -4,6 +4,8 @@
 //! builds a different tree: Morton order and ties depend on which axis comes first and where it points. Only
 //! measurement shows which permutation is fastest.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3};
 
 use crate::layout::{Content, Layout};
@@ -49,7 +51,8 @@ pub(crate) fn turn_stored(scene: &Scene, is_rewritten: &[bool], number: u8) -> S
     let back = turn.transpose();
     let mut turned = scene.clone();
     for (index, _) in is_rewritten.iter().enumerate().filter(|(_, rewritten)| **rewritten) {
-        let positions = turned.meshes[index].geometries.iter_mut().flat_map(|g| &mut g.positions);
+        let geometries = turned.meshes[index].geometries.iter_mut();
+        let positions = geometries.flat_map(|g| Arc::make_mut(&mut g.positions));
         positions.for_each(|p| *p = (back * p.as_dvec3()).as_vec3());
     }
     for instance in turned.instances.iter_mut().filter(|i| is_rewritten[i.mesh.0 as usize]) {

@@ -21,7 +21,7 @@ impl SceneBuilder {
                 primitive: i as u32,
                 material: Some(material),
                 first_triangle: first_triangle - count,
-                positions: triangles.concat(),
+                positions: triangles.concat().into(),
                 triangles: (0..count).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
                 ..Geometry::default()
             }

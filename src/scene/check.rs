@@ -104,13 +104,15 @@ fn check_alpha(geometry: &Geometry, images: usize) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::super::{AlphaTest, AlphaTexture, Image, Instance, MeshId};
     use super::*;
     use glam::{DAffine3, DVec3, Vec3};
 
     fn triangle() -> Scene {
         let geometry = Geometry {
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            positions: Arc::from([Vec3::ZERO, Vec3::X, Vec3::Y]),
             triangles: vec![[0, 1, 2]],
             ..Geometry::default()
         };
@@ -147,7 +149,9 @@ mod tests {
         assert!(broken(|s| s.meshes[0].geometries.clear()).contains("no geometry"));
         assert!(broken(|s| s.meshes[0].geometries[0].triangles.clear()).contains("is empty"));
         assert!(broken(|s| s.meshes[0].geometries[0].triangles[0][2] = 3).contains("vertex 3 of 3"));
-        assert!(broken(|s| s.meshes[0].geometries[0].positions[1].x = f32::NAN).contains("not finite"));
+        assert!(
+            broken(|s| Arc::make_mut(&mut s.meshes[0].geometries[0].positions)[1].x = f32::NAN).contains("not finite")
+        );
         assert!(broken(|s| s.meshes[0].geometries[0].first_triangle = 1).contains("start at triangle 0"));
         assert!(broken(|s| s.meshes[0].geometries[0].material = Some(0)).contains("material"));
         assert!(broken(|s| s.meshes[0].geometries[0].kept = Some(vec![])).contains("source"));

@@ -172,7 +172,7 @@ fn load_mesh(
             alpha: None,
             merge_class: *classes.entry(std::mem::take(&mut p.merge_key)).or_insert(next_class),
             first_triangle,
-            positions: bytemuck::allocation::cast_vec::<[f32; 3], Vec3>(triangles.positions),
+            positions: bytemuck::allocation::cast_slice_arc::<[f32; 3], Vec3>(triangles.positions),
             residuals: triangles.residuals,
             triangles: triangles.corners,
             kept: triangles.kept,

@@ -108,8 +108,9 @@ pub struct Geometry {
     pub merge_class: u32,
     /// Index of its first triangle in the numbering of the mesh's triangles.
     pub first_triangle: u32,
-    /// Vertex positions as stored; all referenced ones are finite.
-    pub positions: Vec<Vec3>,
+    /// Vertex positions as stored; all referenced ones are finite. Geometries whose primitives refer to the same accessor
+    /// share them.
+    pub positions: Arc<[Vec3]>,
     /// What rounding to single precision took from each position when the file was read, see
     /// [`Residuals`](raykiln_formats::document::Residuals); `None` if nothing.
     pub residuals: Option<Arc<[Vec3]>>,

@@ -86,7 +86,7 @@ mod tests {
     fn cubes() -> Scene {
         let mut large = cube(1, None);
         let count = large.geometries[0].positions.len();
-        large.geometries[0].positions.iter_mut().for_each(|p| *p *= 10.0);
+        Arc::make_mut(&mut large.geometries[0].positions).iter_mut().for_each(|p| *p *= 10.0);
         large.geometries[0].residuals = Some(vec![Vec3::X * 1e-7; count].into());
         scene(vec![cube(0, None), large], &[(0, DAffine3::IDENTITY), (1, DAffine3::from_translation(DVec3::Y * 5e6))])
     }

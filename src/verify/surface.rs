@@ -357,6 +357,8 @@ fn agree(claims: &Sides<Option<Claim>>, far: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use glam::{DAffine3, DVec3};
     use proptest::prelude::*;
 
@@ -424,7 +426,7 @@ mod tests {
     fn planted_faults_are_seen() {
         type Fault = fn(&mut Scene);
         let faults: [(&str, Fault); 5] = [
-            ("moved", |s| s.meshes[1].geometries[0].positions[4].x += 0.05),
+            ("moved", |s| Arc::make_mut(&mut s.meshes[1].geometries[0].positions)[4].x += 0.05),
             ("lost", |s| s.meshes[0].geometries[0].triangles[3] = [0; 3]),
             ("flipped", |s| s.meshes[0].geometries[0].triangles[5].swap(0, 1)),
             ("shrunk", |s| s.instances[3].transform *= DAffine3::from_scale(DVec3::splat(0.9))),

@@ -25,7 +25,7 @@ pub(super) fn mesh(source: u32, geometries: Vec<Parts>) -> Mesh {
             primitive,
             material,
             first_triangle,
-            positions,
+            positions: positions.into(),
             triangles,
             ..Geometry::default()
         });
@@ -75,7 +75,7 @@ pub(crate) fn room() -> Scene {
     }
     let mut two = cube(1, Some(1));
     let (half, rest) = two.geometries[0].triangles.split_at(6);
-    let (half, rest, positions) = (half.to_vec(), rest.to_vec(), two.geometries[0].positions.clone());
+    let (half, rest, positions) = (half.to_vec(), rest.to_vec(), two.geometries[0].positions.to_vec());
     two = mesh(1, vec![(Some(1), positions.clone(), half), (Some(2), positions, rest)]);
     let at = |x: f64, y: f64, z: f64, size: f64, turn: f64| {
         DAffine3::from_translation(DVec3::new(x, y, z))

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::accessor::Accessor;
 use super::animation::mark_animated;
 use super::json::At;
+use super::positions::Positions;
 use super::{extensions, node, primitive};
 use crate::contents::{Camera, Look, Material, Mesh, Node, Opacity};
 use crate::{Contents, Document, Error, ReadOptions, Warning};
@@ -51,7 +52,8 @@ fn check_positions(doc: &Document) -> Result<(), Error> {
 fn meshes(doc: &Document, options: ReadOptions, warnings: &mut Vec<Warning>) -> Result<Vec<Mesh>, Error> {
     check_positions(doc)?;
     let places: Vec<At<'_>> = At::root(doc).list("meshes")?.collect();
-    let read: Vec<_> = places.par_iter().map(|at| primitive::mesh(doc, at, options)).collect();
+    let positions = Positions::new(doc);
+    let read: Vec<_> = places.par_iter().map(|at| primitive::mesh(doc, at, &positions, options)).collect();
     let mut meshes = Vec::with_capacity(read.len());
     for result in read {
         let (mesh, found) = result?;

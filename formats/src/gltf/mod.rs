@@ -15,6 +15,7 @@ pub(crate) mod json;
 mod merge_key;
 mod node;
 mod pack;
+mod positions;
 mod primitive;
 mod provenance;
 pub(crate) mod read;

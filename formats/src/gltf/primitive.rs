@@ -4,6 +4,7 @@ use super::accessor::Accessor;
 use super::attributes::attribute_accessors;
 use super::json::At;
 use super::merge_key::merge_key;
+use super::positions::Positions;
 use super::provenance::provenance;
 use crate::contents::{Mesh, Primitive, Triangles};
 use crate::document::{Component, Document};
@@ -14,11 +15,16 @@ const TRIANGLE_STRIP: usize = 5;
 const TRIANGLE_FAN: usize = 6;
 
 /// Reads a mesh, and warns of what was left out.
-pub(super) fn mesh(doc: &Document, at: &At<'_>, options: ReadOptions) -> Result<(Mesh, Vec<Warning>), Error> {
+pub(super) fn mesh(
+    doc: &Document,
+    at: &At<'_>,
+    read: &Positions,
+    options: ReadOptions,
+) -> Result<(Mesh, Vec<Warning>), Error> {
     let mut warnings = Vec::new();
     let mut primitives = Vec::new();
     for primitive_at in at.list("primitives")? {
-        primitives.push(primitive(doc, &primitive_at, options, &mut warnings)?);
+        primitives.push(primitive(doc, &primitive_at, read, options, &mut warnings)?);
     }
     Ok((Mesh { name: at.name(), primitives }, warnings))
 }
@@ -26,13 +32,14 @@ pub(super) fn mesh(doc: &Document, at: &At<'_>, options: ReadOptions) -> Result<
 fn primitive(
     doc: &Document,
     at: &At<'_>,
+    read: &Positions,
     options: ReadOptions,
     warnings: &mut Vec<Warning>,
 ) -> Result<Primitive, Error> {
     let attributes = attribute_accessors(doc, at)?;
     let material = at.index("material", "materials", At::root(doc).count("materials"))?;
     let morphed = check_targets(doc, at, attributes.first().map_or(0, |(_, a)| a.count))?;
-    let triangles = triangles(doc, at, &attributes, warnings)?;
+    let triangles = triangles(doc, at, &attributes, read, warnings)?;
     let stored = triangles.as_ref().map_or(0, |t| t.corners.len());
     let provenance = provenance(doc, at, stored).unwrap_or_else(|cause| {
         warnings.push(at.warning(format_args!("the record of an earlier bake is ignored: {cause}")));
@@ -61,6 +68,7 @@ fn triangles(
     doc: &Document,
     at: &At<'_>,
     attributes: &[(&str, Accessor<'_>)],
+    read: &Positions,
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<Triangles>, Error> {
     let mode = at.get("mode").map_or(Ok(TRIANGLES), |mode| mode.integer())?;
@@ -89,8 +97,9 @@ fn triangles(
         Some((_, indices)) => corners(mode, count, |i| indices[i]),
         None => corners(mode, count, |i| i as u32),
     };
-    let residuals = position_accessor(at).and_then(|accessor| doc.residuals.get(accessor)).cloned();
-    Ok(Some(Triangles { positions: position.vectors_f32(), residuals, corners, kept: None }))
+    let number = position_accessor(at);
+    let residuals = number.and_then(|accessor| doc.residuals.get(accessor)).cloned();
+    Ok(Some(Triangles { positions: read.of(number, position), residuals, corners, kept: None }))
 }
 
 fn position_accessor(primitive: &At<'_>) -> Option<usize> {

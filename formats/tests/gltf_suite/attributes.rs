@@ -1,6 +1,7 @@
 //! Accessors: ranges, sparse values, random access, new ones.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use raykiln_formats::Document;
 use raykiln_formats::document::{Component, Element};
@@ -106,12 +107,12 @@ fn sparse(with_base: bool) -> Document {
 
 #[test]
 fn sparse_values_replace_those_of_the_base() {
-    assert_eq!(triangles(&sparse(true)).positions, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [7.0, 8.0, 9.0]]);
+    assert_eq!(*triangles(&sparse(true)).positions, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [7.0, 8.0, 9.0]]);
 }
 
 #[test]
 fn sparse_values_without_a_base_replace_zeros() {
-    assert_eq!(triangles(&sparse(false)).positions, [[0.0; 3], [0.0; 3], [7.0, 8.0, 9.0]]);
+    assert_eq!(*triangles(&sparse(false)).positions, [[0.0; 3], [0.0; 3], [7.0, 8.0, 9.0]]);
 }
 
 #[test]
@@ -121,7 +122,7 @@ fn sparse_values_over_interleaved_ones_are_read() {
     let rows = floats(&[1.0, 1.0, 1.0, 0.0, 2.0, 2.0, 2.0, 0.0, 3.0, 3.0, 3.0, 0.0]);
     doc.json["bufferViews"][0] = json!({ "buffer": 0, "byteLength": 48, "byteStride": 16 });
     doc.buffers[0] = rows.into();
-    assert_eq!(triangles(&doc).positions, [[1.0; 3], [2.0; 3], [7.0, 8.0, 9.0]]);
+    assert_eq!(*triangles(&doc).positions, [[1.0; 3], [2.0; 3], [7.0, 8.0, 9.0]]);
 }
 
 #[test]
@@ -146,7 +147,7 @@ fn zeros_without_bytes_behind_them_are_limited() {
     assert!(message.contains("more than the file has bytes"), "{message}");
     let mut doc = triangle();
     doc.json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-    assert_eq!(triangles(&doc).positions, [[0.0; 3]; 3]);
+    assert_eq!(*triangles(&doc).positions, [[0.0; 3]; 3]);
 }
 
 #[test]
@@ -234,4 +235,23 @@ fn vertices_are_padded_to_four_bytes_and_indices_are_not() {
     assert_eq!(doc.json["bufferViews"][2], json!({ "buffer": 2, "byteLength": 6, "target": 34963 }));
     doc.json["meshes"][0]["primitives"][0] = json!({ "attributes": { "POSITION": 0, "COLOR_0": 1 }, "indices": 2 });
     assert_eq!(contents(&doc).meshes[0].primitives[0].merge_key, "COLOR_0:U8x3n POSITION:F32x3||");
+}
+
+#[test]
+fn primitives_that_refer_to_the_same_positions_share_them_in_memory() {
+    for with_base in [true, false] {
+        let mut doc = sparse(with_base);
+        doc.json["accessors"][1] = doc.json["accessors"][0].clone();
+        doc.json["meshes"] = json!([0, 0, 1].map(|accessor| {
+            let primitive = json!({ "attributes": { "POSITION": accessor } });
+            json!({ "primitives": [primitive, primitive] })
+        }));
+        let read = contents(&doc);
+        let positions: Vec<_> = read.meshes.iter().flat_map(|mesh| &mesh.primitives).collect();
+        let positions: Vec<_> = positions.iter().map(|p| &p.triangles.as_ref().unwrap().positions).collect();
+        assert!(positions[1..4].iter().all(|p| Arc::ptr_eq(positions[0], p)));
+        assert!(Arc::ptr_eq(positions[4], positions[5]));
+        assert!(!Arc::ptr_eq(positions[0], positions[4]), "another accessor");
+        assert_eq!(positions[0], positions[4]);
+    }
 }

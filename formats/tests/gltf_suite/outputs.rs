@@ -74,7 +74,7 @@ fn outputs_pass_the_checks_of_the_gltf_crate() {
     let blob = other.blob.clone().unwrap();
     let primitive = other.meshes().next().unwrap().primitives().next().unwrap();
     let positions: Vec<[f32; 3]> = primitive.reader(|_| Some(&blob)).read_positions().unwrap().collect();
-    assert_eq!(positions, triangles(&triangle()).positions);
+    assert_eq!(*positions, *triangles(&triangle()).positions);
 }
 
 #[test]

@@ -147,7 +147,7 @@ fn interleaved_positions_are_read() {
     let mut doc =
         primitive(json!({ "attributes": { "POSITION": 0 } }), &[(positions(3), floats(&rows)[..44].to_vec())]);
     doc.json["bufferViews"][0]["byteStride"] = 16.into();
-    assert_eq!(triangles(&doc).positions, [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+    assert_eq!(*triangles(&doc).positions, [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
 }
 
 #[test]

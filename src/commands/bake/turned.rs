@@ -78,6 +78,8 @@ pub(super) fn affordable(classes: &[Class], most_added_cost: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::copies::CopiedMesh;
     use crate::verify::test_scenes::{cube, scene};
@@ -96,7 +98,7 @@ mod tests {
         let turn = DAffine3::from_rotation_z(0.5);
         let quarter = DAffine3::from_mat3(DMat3::from_cols(DVec3::Y, DVec3::NEG_X, DVec3::Z));
         let mut turned = cube(2, None);
-        let points = turned.geometries[0].positions.iter_mut();
+        let points = Arc::make_mut(&mut turned.geometries[0].positions).iter_mut();
         points.for_each(|p| *p = turn.transform_point3(p.as_dvec3()).as_vec3());
         let meshes = vec![cube(0, None), cube(1, None), turned, cube(3, None)];
         let at = |mesh: u32| (mesh, DAffine3::from_translation(DVec3::X * 9.0 * f64::from(mesh)));

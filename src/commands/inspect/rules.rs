@@ -156,13 +156,15 @@ fn tiny(scene: &Scene) -> Option<Finding> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::scene::{Geometry, Instance, MeshId};
     use glam::{DAffine3, DMat3, Vec3};
 
     fn scene(transforms: &[DAffine3]) -> Scene {
         let geometry = Geometry {
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            positions: Arc::from([Vec3::ZERO, Vec3::X, Vec3::Y]),
             triangles: vec![[0, 1, 2]],
             ..Geometry::default()
         };
@@ -201,7 +203,7 @@ mod tests {
         assert_eq!(rules(&scene(&[DAffine3::from_translation(DVec3::X * 9e6)])), ["RK015"]);
         assert_eq!(rules(&scene(&[DAffine3::from_scale(DVec3::splat(1e-4))])), ["RK016"]);
         let mut flat = scene(&[DAffine3::IDENTITY]);
-        flat.meshes[0].geometries[0].positions[2] = Vec3::X * 2.0;
+        Arc::make_mut(&mut flat.meshes[0].geometries[0].positions)[2] = Vec3::X * 2.0;
         assert_eq!(rules(&flat), ["RK008"]);
     }
 

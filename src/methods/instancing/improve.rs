@@ -219,7 +219,7 @@ mod tests {
     fn what_cannot_be_divided_stays() {
         for corner in [Vec3::ZERO, Vec3::splat(1e30), Vec3::splat(1e-30), Vec3::NAN, Vec3::INFINITY] {
             let mut scene = scene(vec![[Vec3::ZERO; 3]; 20]);
-            scene.meshes[0].geometries[0].positions = vec![corner; 60];
+            scene.meshes[0].geometries[0].positions = vec![corner; 60].into();
             let mesh = &scene.meshes[0];
             let half = |from: u32| Cluster::near(mesh, (from..from + 10).collect(), &[], IMPROVED);
             let mut clusters = [half(0), half(10)];

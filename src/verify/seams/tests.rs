@@ -1,4 +1,5 @@
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
 
@@ -175,7 +176,7 @@ fn there_is_nothing_to_aim_at_without_closed_edges() {
     let geometry = &mut soup.geometries[0];
     geometry.positions = geometry.triangles.iter().flatten().map(|&v| geometry.positions[v as usize]).collect();
     let lifted = |(i, p): (usize, &mut Vec3)| p.y += (i / 3) as f32 * 0.01;
-    geometry.positions.iter_mut().enumerate().for_each(lifted);
+    Arc::make_mut(&mut geometry.positions).iter_mut().enumerate().for_each(lifted);
     geometry.triangles = (0..geometry.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     let flat = scene(vec![cube(0, None)], &[(0, DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)))]);
     for nothing in [one(soup), flat, Scene::default()] {

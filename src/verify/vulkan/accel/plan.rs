@@ -146,6 +146,8 @@ fn can_be_entered(transform: &DAffine3) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use glam::{DVec3, Vec3};
 
     use super::*;
@@ -167,7 +169,7 @@ mod tests {
         let geometry = |&count: &usize| {
             first_triangle += count as u32;
             Geometry {
-                positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+                positions: Arc::from([Vec3::ZERO, Vec3::X, Vec3::Y]),
                 triangles: vec![[0, 1, 2]; count],
                 first_triangle: first_triangle - count as u32,
                 ..Geometry::default()

@@ -1,5 +1,7 @@
 //! Alpha-tested geometries: timed rays pass through transparent texels, compared rays never do.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 use raykiln_formats::alpha::Image;
 
@@ -119,7 +121,7 @@ fn the_factor_and_the_cutoff_count() {
 #[test]
 fn each_geometry_is_tested_with_its_own_texture_however_blases_are_cut() {
     let behind = |mut g: Geometry, z: f32| {
-        g.positions.iter_mut().for_each(|p| p.z = z);
+        Arc::make_mut(&mut g.positions).iter_mut().for_each(|p| p.z = z);
         g
     };
     let top = card([0.0, 1.0], [1.0, 0.0], Wrap::Repeat);

@@ -1,5 +1,7 @@
 //! Devices with memory for only one layout at a time, or for none.
 
+use std::sync::Arc;
+
 use glam::DAffine3;
 
 use super::*;
@@ -36,7 +38,7 @@ fn seen(found: &Verification) -> impl PartialEq + std::fmt::Debug + use<> {
 fn layouts_that_do_not_fit_together_are_traced_one_after_the_other_and_seen_alike() {
     let wrong = {
         let mut after = room();
-        after.meshes[1].geometries[0].positions[4].x += 0.05;
+        Arc::make_mut(&mut after.meshes[1].geometries[0].positions)[4].x += 0.05;
         after
     };
     let more = VerifyOptions { timed_rays_per_kind: Some(3000), ..options() };

@@ -1,5 +1,7 @@
 //! Hits of traced rays.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::brute_force::assert_closest;
@@ -129,7 +131,7 @@ fn very_large_and_very_small_scenes_are_hit_like_any_other() {
         let expected = closest(device, &plain, &all, PLAIN);
         for (of_mesh, of_world) in [(1e30, 1e30), (1e-30, 1e-30), (1e30, 1.0), (1e-30, 1e25), (1.0, 1e-35)] {
             let mut scene = plain.clone();
-            scene.meshes[0].geometries[0].positions.iter_mut().for_each(|p| *p *= of_mesh as f32);
+            Arc::make_mut(&mut scene.meshes[0].geometries[0].positions).iter_mut().for_each(|p| *p *= of_mesh as f32);
             scene.instances[0].transform = DAffine3::from_scale(DVec3::splat(of_world / of_mesh));
             let scaled = |r: &Ray| Ray { origin: r.origin * of_world as f32, ..*r };
             let hits = closest(device, &scene, &all.iter().map(scaled).collect::<Vec<_>>(), PLAIN);

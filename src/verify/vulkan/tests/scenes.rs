@@ -37,12 +37,13 @@ pub(super) fn rays(count: usize, reach: f64) -> Vec<Ray> {
 /// Returns unconnected triangles in the cube from -1 to 1.
 pub(super) fn soup(triangles: usize, opacity: Opacity, seed: u64) -> Geometry {
     let mut random = Random(seed);
-    let mut geometry = Geometry { opacity, ..Geometry::default() };
+    let (mut geometry, mut positions) = (Geometry { opacity, ..Geometry::default() }, Vec::new());
     for t in 0..triangles as u32 {
         let center = random.point(0.8);
-        geometry.positions.extend((0..3).map(|_| (center + random.point(0.2)).as_vec3()));
+        positions.extend((0..3).map(|_| (center + random.point(0.2)).as_vec3()));
         geometry.triangles.push([3 * t, 3 * t + 1, 3 * t + 2]);
     }
+    geometry.positions = positions.into();
     geometry
 }
 

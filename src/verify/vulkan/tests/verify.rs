@@ -1,5 +1,7 @@
 //! Complete verifications on a device: correct pairs pass, and its rays detect planted faults.
 
+use std::sync::Arc;
+
 use glam::DAffine3;
 
 use super::*;
@@ -91,7 +93,7 @@ fn planted() -> Vec<(&'static str, Scene)> {
         after
     };
     vec![
-        ("a moved vertex", change(&|s| s.meshes[1].geometries[0].positions[4].x += 0.05)),
+        ("a moved vertex", change(&|s| Arc::make_mut(&mut s.meshes[1].geometries[0].positions)[4].x += 0.05)),
         ("a lost triangle", change(&|s| s.meshes[0].geometries[0].triangles[3] = [0; 3])),
         ("a wrong material", change(&|s| s.meshes[1].geometries[1].material = Some(3))),
         ("a flipped triangle", change(&|s| s.meshes[0].geometries[0].triangles[5].swap(0, 1))),
