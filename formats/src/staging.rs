@@ -6,7 +6,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::{fs, io, mem};
+use std::time::{Duration, Instant};
+use std::{fs, io, mem, thread};
 
 struct State {
     folders: BTreeSet<PathBuf>,
@@ -77,6 +78,23 @@ pub fn remove_all() {
     let folders = mem::take(&mut state.folders);
     drop(state);
     folders.iter().for_each(|folder| remove(folder));
+}
+
+/// Like [`remove_all`], for a program that is out of memory: gives up after `patience`, because another thread may wait
+/// for memory while it creates a folder or renames files. Allocates next to nothing.
+pub fn remove_all_within(patience: Duration) {
+    let start = Instant::now();
+    while start.elapsed() < patience {
+        if let Ok(mut state) = STATE.try_lock()
+            && state.holds == 0
+        {
+            state.ended = true;
+            let folders = mem::take(&mut state.folders);
+            drop(state);
+            return folders.iter().for_each(|folder| remove(folder));
+        }
+        thread::sleep(Duration::from_millis(1));
+    }
 }
 
 fn state() -> MutexGuard<'static, State> {

@@ -5,6 +5,7 @@ mod args;
 mod interrupt;
 #[cfg(feature = "lab")]
 mod lab;
+mod memory;
 mod progress;
 mod reports;
 
@@ -12,7 +13,7 @@ use std::fmt;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use clap::{CommandFactory, FromArgMatches};
 use raykiln_formats::document::{Placed, Staged};
 use raykiln_formats::staging::Hold;
@@ -23,6 +24,8 @@ use crate::commands::verify;
 use crate::report;
 use crate::scene::LoadOptions;
 use crate::verify::verdict::Verdict;
+pub use memory::end as end_without_memory;
+
 use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
 use reports::{Reports, StagedReports};
@@ -59,7 +62,8 @@ const STACK: usize = 8 << 20;
 /// through a queue and sleeps until it is done, which costs several system calls each time.
 fn in_pool(threads: Option<u16>, command: impl FnOnce() -> Result<ExitCode> + Send) -> Result<ExitCode> {
     let threads = threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build().context("--threads")?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build();
+    let pool = pool.map_err(|e| anyhow!("the threads cannot be started (--threads sets their number): {e}"))?;
     pool.install(command)
 }
 

@@ -193,3 +193,55 @@ fn a_report_replaces_no_device() {
     let words = String::from_utf8_lossy(&ran.stderr);
     assert!(ran.status.code() == Some(2) && words.contains("is not a regular file"), "{words}");
 }
+
+/// An OBJ file of a wavy grid of 2 * `n` * `n` triangles.
+fn grid(folder: &Path, n: usize) -> String {
+    let mut text = String::new();
+    for i in 0..(n + 1) * (n + 1) {
+        let (x, y) = (i % (n + 1), i / (n + 1));
+        text += &format!("v {x} {y} {}\n", (x * 7 + y * 3) % 5);
+    }
+    for i in 0..n * n {
+        let a = i / n * (n + 1) + i % n + 1;
+        text += &format!("f {a} {} {} {}\n", a + 1, a + n + 2, a + n + 1);
+    }
+    let path = folder.join("grid.obj");
+    fs::write(&path, text).expect("a temporary folder is writable");
+    path.to_str().expect("UTF-8").to_owned()
+}
+
+/// Runs a shell command with a limit on the address space; returns the status and what was printed to standard error.
+fn with_limit(kilobytes: u64, arguments: &str) -> (Option<i32>, String) {
+    let program = env!("CARGO_BIN_EXE_raykiln");
+    let command = format!("ulimit -v {kilobytes} && exec {program} {arguments}");
+    let ran = Command::new("sh").args(["-c", &command]).output().expect("a shell");
+    (ran.status.code(), String::from_utf8_lossy(&ran.stderr).into_owned())
+}
+
+#[test]
+fn memory_that_is_refused_is_an_error_and_nothing_is_left_behind() {
+    let folder = TempDir::new().unwrap();
+    let input = grid(folder.path(), 150);
+    let mut refused = 0;
+    for kilobytes in (0..).map(|step| 60_000 * 5_u64.pow(step) / 4_u64.pow(step)) {
+        let output = folder.path().join("out.glb");
+        let bake = format!("bake {input} -o {} --device cpu --rays 100 --quiet --threads 2", output.display());
+        let (status, words) = with_limit(kilobytes, &bake);
+        if status == Some(0) {
+            break;
+        }
+        refused += 1;
+        assert_eq!(status, Some(2), "{kilobytes} KiB: {words}");
+        assert!(words.starts_with("error: ") && words.lines().count() == 1, "{kilobytes} KiB: {words}");
+        assert_eq!(folder_names(folder.path()), ["grid.obj"], "{kilobytes} KiB");
+    }
+    assert!(refused > 2, "{refused} limits were too small");
+    assert_eq!(folder_names(folder.path()), ["grid.obj", "out.glb"]);
+}
+
+#[test]
+fn threads_that_cannot_be_started_are_an_error() {
+    let (status, words) = with_limit(400_000, &format!("inspect {} --threads 512", scene()));
+    assert_eq!(status, Some(2), "{words}");
+    assert!(words.starts_with("error: the threads cannot be started") && words.lines().count() == 1, "{words}");
+}
