@@ -70,7 +70,7 @@ impl<'d> Accessor<'d> {
             }
             None => (None, size),
         };
-        if data.is_none() && count > MAX_ZEROS && count > doc.buffers.iter().map(|b| b.len()).sum() {
+        if data.is_none() && count > MAX_ZEROS && count as u64 > doc.distinct_bytes() {
             return Err(
                 at.error(format_args!("{count} elements without a bufferView are more than the file has bytes"))
             );

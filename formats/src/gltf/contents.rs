@@ -9,7 +9,7 @@ use super::accessor::Accessor;
 use super::animation::mark_animated;
 use super::json::At;
 use super::positions::Positions;
-use super::{extensions, node, primitive};
+use super::{extensions, limits, node, primitive};
 use crate::contents::{Camera, Look, Material, Mesh, Node, Opacity};
 use crate::{Contents, Document, Error, ReadOptions, Warning};
 
@@ -28,29 +28,9 @@ pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents,
     Ok(Contents { nodes, roots, meshes, materials, cameras, warnings })
 }
 
-/// Largest number of positions, counting an accessor once per primitive that uses it: 12 GiB of them.
-const MOST_POSITIONS: u64 = 1 << 30;
-
-/// Rejects files in which so many primitives share their vertices that a small file would exhaust memory.
-fn check_positions(doc: &Document) -> Result<(), Error> {
-    let meshes = doc.json.get("meshes").and_then(Value::as_array).into_iter().flatten();
-    let primitives = meshes.flat_map(|m| m["primitives"].as_array().into_iter().flatten());
-    let positions = primitives.filter_map(|p| p["attributes"]["POSITION"].as_u64());
-    let total: u64 = positions
-        .filter_map(|accessor| doc.json["accessors"][usize::try_from(accessor).ok()?]["count"].as_u64())
-        // A single excessive count is reported at its own place.
-        .filter(|count| *count <= MOST_POSITIONS)
-        .sum();
-    if total > MOST_POSITIONS {
-        let cause = format_args!("the primitives have {total} vertices in all; at most {MOST_POSITIONS} can be read");
-        return Err(Error::at(&doc.path, "meshes", cause));
-    }
-    Ok(())
-}
-
 /// Reads all meshes in parallel; reports the first error in file order.
 fn meshes(doc: &Document, options: ReadOptions, warnings: &mut Vec<Warning>) -> Result<Vec<Mesh>, Error> {
-    check_positions(doc)?;
+    limits::check_meshes(doc)?;
     let places: Vec<At<'_>> = At::root(doc).list("meshes")?.collect();
     let positions = Positions::new(doc);
     let read: Vec<_> = places.par_iter().map(|at| primitive::mesh(doc, at, &positions, options)).collect();

@@ -12,6 +12,7 @@ pub(crate) mod edit;
 pub(crate) mod extensions;
 mod images;
 pub(crate) mod json;
+mod limits;
 mod merge_key;
 mod node;
 mod pack;

@@ -3,9 +3,9 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::accessor::Accessor;
-use super::extensions;
 use super::json::At;
 use super::provenance::NodeSources;
+use super::{extensions, limits};
 use crate::contents::Node;
 use crate::document::{Component, Document};
 use crate::extension_names::EXT_MESH_GPU_INSTANCING;
@@ -16,9 +16,12 @@ pub(super) fn nodes(doc: &Document, warnings: &mut Vec<Warning>) -> Result<Vec<N
     let root = At::root(doc);
     let mut nodes = Vec::new();
     let mut sources = NodeSources::new(doc);
+    let mut all_copies = 0;
     for at in root.list("nodes")? {
         let node = node(doc, &at, warnings)?;
         let copies = node.copies.as_ref().map_or(0, Vec::len);
+        all_copies += copies as u64;
+        limits::check_copies(doc, all_copies)?;
         let copy_sources = sources.of_copies(&at, copies, warnings);
         nodes.push(Node { source: sources.of(&at, warnings), copy_sources, ..node });
     }

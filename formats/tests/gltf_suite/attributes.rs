@@ -241,7 +241,8 @@ fn vertices_are_padded_to_four_bytes_and_indices_are_not() {
 fn primitives_that_refer_to_the_same_positions_share_them_in_memory() {
     for with_base in [true, false] {
         let mut doc = sparse(with_base);
-        doc.json["accessors"][1] = doc.json["accessors"][0].clone();
+        let accessor = doc.json["accessors"][0].clone();
+        doc.json["accessors"] = json!([accessor, accessor]);
         doc.json["meshes"] = json!([0, 0, 1].map(|accessor| {
             let primitive = json!({ "attributes": { "POSITION": accessor } });
             json!({ "primitives": [primitive, primitive] })
