@@ -36,6 +36,7 @@ mod extension_names;
 mod gltf;
 mod obj;
 pub mod staging;
+pub mod unchecked;
 
 pub use contents::Contents;
 pub use document::Document;

@@ -62,11 +62,7 @@ pub(super) enum Command {
     #[cfg(feature = "lab")]
     /// Time many layouts of many scenes and fit the cost model that ranks layouts
     #[command(after_help = "docs/lab.md describes the configuration and the tables.")]
-    Lab {
-        /// Configuration of the experiment
-        #[arg(value_name = "CONFIG.toml")]
-        config: PathBuf,
-    },
+    Lab(super::lab::LabArguments),
     /// List Vulkan devices, their limits, and which features for ray tracing they lack
     Devices {
         /// Print JSON instead of text
@@ -88,7 +84,7 @@ impl Command {
         match self {
             Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) => true,
             #[cfg(feature = "lab")]
-            Command::Lab { .. } => true,
+            Command::Lab(_) => true,
             Command::Devices { .. } | Command::Completions { .. } | Command::Man => false,
         }
     }

@@ -73,7 +73,7 @@ fn dispatch(arguments: &Arguments, given: &[&str]) -> Result<ExitCode> {
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
         #[cfg(feature = "lab")]
-        Command::Lab { config } => lab::run(config, &arguments.output),
+        Command::Lab(lab) => lab::run(lab, &arguments.output),
         Command::Devices { json } => {
             let report = report::DevicesReport::of_this_machine();
             let text = if *json { report::json::to_json(&report) } else { report::text::devices(&report) };

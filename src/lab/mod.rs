@@ -2,6 +2,7 @@
 //! `docs/lab.md` describes the configuration, the tables and the fit.
 
 mod config;
+pub mod extreme;
 mod fit;
 mod matrix;
 mod nnls;

@@ -57,7 +57,8 @@ pub(super) fn write(out: &Path, rows: &[Row], fit: Option<(&Fit, Class)>) -> Res
     Ok(())
 }
 
-fn parent(out: &Path) -> &Path {
+/// The folder that holds a folder.
+pub(super) fn parent(out: &Path) -> &Path {
     out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 

@@ -15,7 +15,7 @@ mod materials;
 mod note;
 mod per_kind;
 mod race;
-mod random;
+pub(crate) mod random;
 pub mod rays;
 pub mod rounding;
 pub mod seams;

@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3};
 
 /// SplitMix64 of G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014.
-pub(super) struct Random(u64);
+pub(crate) struct Random(u64);
 
 /// Increment of the paper's sequence, derived from the golden ratio.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -17,7 +17,7 @@ fn mixed(mut z: u64) -> u64 {
 
 impl Random {
     /// Returns the sequence of a position in a stream.
-    pub(super) fn at(seed: u64, stream: u64, index: usize) -> Random {
+    pub(crate) fn at(seed: u64, stream: u64, index: usize) -> Random {
         let stream = mixed(seed.wrapping_add(STEP)) ^ mixed(stream.wrapping_mul(STEP));
         Random(mixed(stream.wrapping_add((index as u64).wrapping_mul(STEP))))
     }
@@ -29,7 +29,7 @@ impl Random {
     }
 
     /// Returns a number in [0, 1).
-    pub(super) fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
@@ -39,7 +39,7 @@ impl Random {
     }
 
     /// Returns a uniformly distributed direction.
-    pub(super) fn direction(&mut self) -> DVec3 {
+    pub(crate) fn direction(&mut self) -> DVec3 {
         let z = 1.0 - 2.0 * self.unit();
         let (sin, cos) = (std::f64::consts::TAU * self.unit()).sin_cos();
         let r = (1.0 - z * z).max(0.0).sqrt();

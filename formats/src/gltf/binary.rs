@@ -6,15 +6,15 @@ use std::path::Path;
 use crate::{Error, Warning};
 
 /// First four bytes of a GLB file.
-pub(super) const MAGIC: &[u8; 4] = b"glTF";
+pub(crate) const MAGIC: &[u8; 4] = b"glTF";
 /// Type of the JSON chunk.
-pub(super) const JSON: &[u8; 4] = b"JSON";
+pub(crate) const JSON: &[u8; 4] = b"JSON";
 /// Type of the binary chunk.
-pub(super) const BIN: &[u8; 4] = b"BIN\0";
+pub(crate) const BIN: &[u8; 4] = b"BIN\0";
 /// Size of the file header in bytes.
-pub(super) const HEADER: usize = 12;
+pub(crate) const HEADER: usize = 12;
 /// Size of a chunk header in bytes.
-pub(super) const CHUNK_HEADER: usize = 8;
+pub(crate) const CHUNK_HEADER: usize = 8;
 
 /// Locations of the parts of a GLB file.
 #[derive(Debug, Default)]

@@ -4,7 +4,7 @@ pub(crate) mod accessor;
 pub(crate) mod alpha;
 mod animation;
 pub(crate) mod attributes;
-mod binary;
+pub(crate) mod binary;
 pub(crate) mod compact;
 pub(crate) mod contents;
 mod cut;
