@@ -13,6 +13,7 @@ use crate::emit::{self, Refuse};
 use crate::layout::{self, Content, Layout, PlacedTrees, as_built};
 use crate::methods::{self, Cache};
 use crate::scene::{Bounds, Overlay, Pinned, Scene};
+use crate::verify::accuracy::{Accuracy, Probe};
 use crate::verify::cpu::TwoLevel;
 use crate::verify::weights::{Overall, Weights};
 use crate::verify::{PerKind, RaceResult};
@@ -22,6 +23,8 @@ pub(crate) struct Candidate {
     pub(crate) plan: Plan,
     pub(crate) laid: Laid,
     pub(crate) predicted: Predicted,
+    /// What tracing it costs in accuracy.
+    pub(super) accuracy: Accuracy,
     /// Triangles of the largest group that could be divided: meshes of several instances, or of one that is pinned, cannot.
     pub(super) largest_group: usize,
     /// Longest side of the world box of such a group, in world units; 0 where the user sets no bound on it.
@@ -105,21 +108,24 @@ pub(super) struct Known<'a> {
     pub(super) cost: f64,
     /// What rays meet in it as it is, with one BLAS per mesh.
     pub(super) kinds: PerKind<RayCost>,
+    /// What tracing it costs in accuracy.
+    pub(super) accuracy: Accuracy,
+    /// Measures that of a candidate.
+    pub(super) probe: &'a Probe,
 }
 
 impl Candidate {
     /// Predicts what a layout costs as it is built.
     pub(super) fn new(scene: &Scene, known: &Known, plan: Plan, laid: Laid, ranking: &Ranking) -> Candidate {
         let built = as_built(scene, &laid.layout, ranking.blas_per);
-        let (two_level_cost, kinds) = match (&built, emit::is_unchanged(&laid.layout)) {
-            (Cow::Borrowed(_), true) => (known.cost, known.kinds),
+        let (two_level_cost, kinds, accuracy) = match (&built, emit::is_unchanged(&laid.layout)) {
+            (Cow::Borrowed(_), true) => (known.cost, known.kinds, known.accuracy),
             (built, unchanged) => {
                 let of_groups = known.trees.of_layout(scene, built, known.placed);
-                let stored = layout::stored(scene, built).translated(-ranking.vantage);
-                let trees = TwoLevel::build_to_count(&stored, &of_groups);
-                drop(stored);
+                let stored = layout::stored(scene, built);
+                let trees = TwoLevel::build_to_count(&stored.translated(-ranking.vantage), &of_groups);
                 let cost = if unchanged { known.cost } else { trees.cost(scene.bounds().area()) };
-                (cost, ranking.costs(&trees))
+                (cost, ranking.costs(&trees), known.probe.measure(&trees.padded(&stored)))
             }
         };
         let picoseconds = ranking.weights.mean(&kinds.map(|kind| kind.picoseconds));
@@ -131,6 +137,7 @@ impl Candidate {
             plan,
             laid,
             predicted,
+            accuracy,
             largest_group,
             longest_group,
             lap: None,
@@ -160,6 +167,7 @@ impl Candidate {
             outcome,
             as_bytes: self.predicted.as_bytes,
             position_error_ratio: self.laid.position_error_ratio,
+            accuracy: self.accuracy,
             seconds: self.seconds,
             brief: self.brief.is_some() && self.lap.is_none(),
         }

@@ -224,6 +224,7 @@ mod tests {
             held_back: 0,
         };
         Candidate {
+            accuracy: Default::default(),
             plan: Plan { id: PlanId::new(method, name), method, options: Options::default() },
             laid,
             predicted: Predicted { picoseconds, as_bytes, ..Predicted::default() },

@@ -16,6 +16,7 @@ use crate::layout::PlacedTrees;
 use crate::methods::{Cache, PlanId};
 use crate::scene::Scene;
 use crate::verify::VerifyOptions;
+use crate::verify::accuracy::Probe;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
 
@@ -71,9 +72,11 @@ impl Evaluator<'_> {
         let ranking = Ranking { rays: &rays, vantage, class, weights, all_kinds, blas_per };
         let plans = segments::given(plans, &of_input, &rays, &weights, vantage);
         let kinds = ranking.costs(&of_input);
-        drop(of_input);
+        let of_input = if moved.is_some() { TwoLevel::build_to_count(scene, trees) } else { of_input };
+        let probe = Probe::new(scene, &Reference::new(&of_input), verify);
+        let accuracy = probe.measure(&of_input.padded(scene));
         let LaidOut { layouts, duplicates, placed } = lay_out_all(scene, &plans, verify.max_position_error_ratio);
-        let known = Known { trees, placed: &placed, cost: two_level_cost, kinds };
+        let known = Known { trees, placed: &placed, cost: two_level_cost, kinds, accuracy, probe: &probe };
         let candidates = rank_all(scene, layouts, &known, &ranking);
         Evaluated { candidates, duplicates, placed }
     }

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::Choice;
 use crate::methods::{Method, PlanId};
 use crate::scene::Pinned;
+use crate::verify::accuracy::Accuracy;
 use crate::verify::weights::Overall;
 
 /// What a choice is based on.
@@ -55,6 +56,8 @@ pub struct CandidateResult {
     pub as_bytes: u64,
     /// Largest position error over the scene's diagonal.
     pub position_error_ratio: f64,
+    /// What tracing it costs in accuracy.
+    pub accuracy: Accuracy,
     /// Seconds spent on laying it out and computing its cost.
     pub seconds: f64,
     /// Whether it was timed only briefly.

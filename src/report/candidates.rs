@@ -19,13 +19,13 @@ const OUTCOME: usize = 30;
 /// A column of numbers: its heading and the text of a cell.
 type Column = (&'static str, fn(&Candidate) -> String);
 
-const ALWAYS: [Column; 5] = [
+const ALWAYS: [Column; 7] = [
     ("cost", |c| format!("{:.2}", c.predicted_cost)),
     ("ps a ray", |c| c.sampled_cost.map_or("-".into(), significant)),
     ("bytes", |c| bytes(c.as_bytes)),
-    ("error", |c| {
-        c.position_error_ratio.map_or("-".into(), |e| if e == 0.0 { "0".into() } else { format!("{e:.0e}") })
-    }),
+    ("error", |c| c.position_error_ratio.map_or("-".into(), power)),
+    ("hit error", |c| power(c.accuracy.p999_relative_distance_error)),
+    ("lost/M", |c| significant_count(c.accuracy.lost_per_million)),
     ("seconds", |c| format!("{:.2}", c.seconds)),
 ];
 
@@ -33,6 +33,16 @@ const MEASURED: [Column; 2] = [
     ("Mrays/s", |c| c.measured_mrays_per_s.map_or("-".into(), significant)),
     ("speedup", |c| c.measured_speedup_ratio.map_or("-".into(), |ratio| speedup(ratio, c.measured_spread_ratio))),
 ];
+
+/// Formats an error by its order of magnitude.
+fn power(error: f64) -> String {
+    if error == 0.0 { "0".into() } else { format!("{error:.0e}") }
+}
+
+/// Formats a number of rays of a million.
+fn significant_count(count: f64) -> String {
+    format!("{:.0}", count)
+}
 
 /// Formats a number with at least three digits, but at most two decimal places.
 pub(super) fn significant(value: f64) -> String {

@@ -31,6 +31,7 @@ use crate::emit::Copied;
 use crate::layout::BlasPer;
 use crate::methods::PlanId;
 use crate::scene::{self, Scene};
+use crate::verify::accuracy::Accuracy;
 use crate::verify::sight::DeviceError;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Matching, Verification};
@@ -160,8 +161,15 @@ pub struct Candidate {
     pub outcome: String,
     /// Predicted bytes of BLASes and TLAS.
     pub as_bytes: u64,
+    /// Its two-level cost over the least of all candidates.
+    pub cost_ratio: f64,
+    /// Picoseconds per ray on a device, weighted mean over ray kinds; `None` if it was not timed.
+    pub measured_picoseconds: Option<f64>,
     /// Largest position error over the scene's diagonal; `None` if not measured.
     pub position_error_ratio: Option<f64>,
+    /// What tracing it costs in accuracy: traced on the CPU, and for the written candidate as verified.
+    #[serde(flatten)]
+    pub accuracy: Accuracy,
     /// Time spent on laying it out and computing its cost.
     pub seconds: f64,
     /// Whether it was timed only briefly, as a listed candidate stored along other axes.
@@ -282,7 +290,10 @@ impl From<CandidateResult> for Candidate {
             measured_spread_ratio: result.measured.map(|m| m.spread_ratio),
             outcome: result.outcome.to_string(),
             as_bytes: result.as_bytes,
+            cost_ratio: 1.0,
+            measured_picoseconds: result.measured.map(|m| 1e6 / m.after_mrays_per_s).filter(|ps| ps.is_finite()),
             position_error_ratio: Some(result.position_error_ratio),
+            accuracy: result.accuracy,
             seconds: result.seconds,
             brief: result.brief,
         }
@@ -307,13 +318,18 @@ impl InspectReport {
 impl MethodReport {
     /// Completes the entry of the written candidate with what is known now. A requested method has no entry yet: its
     /// cost is not computed until it is written.
-    pub fn with_written(mut self, after: &Metrics, position_error_ratio: f64, seconds: f64) -> Self {
+    pub fn with_written(mut self, after: &Metrics, verified: &Verification, seconds: f64) -> Self {
         if self.candidates.is_empty() {
             self.candidates.push(Candidate::written(self.chosen_candidate, after, seconds));
         }
         if let Some(candidate) = self.candidates.iter_mut().find(|c| c.id == self.chosen_candidate) {
-            candidate.position_error_ratio = Some(position_error_ratio);
+            candidate.position_error_ratio = Some(verified.position_error_ratio);
+            candidate.accuracy = verified.accuracy();
             candidate.predicted_cost = after.two_level_cost;
+        }
+        let least = self.candidates.iter().map(|c| c.predicted_cost).fold(f64::INFINITY, f64::min);
+        for candidate in self.candidates.iter_mut().filter(|_| least > 0.0) {
+            candidate.cost_ratio = candidate.predicted_cost / least;
         }
         self
     }
@@ -331,7 +347,10 @@ impl Candidate {
             measured_spread_ratio: None,
             outcome: Why::AskedFor.to_string(),
             as_bytes: metrics.as_bytes(),
+            cost_ratio: 1.0,
+            measured_picoseconds: None,
             position_error_ratio: None,
+            accuracy: Accuracy::default(),
             seconds,
             brief: false,
         }
@@ -400,7 +419,11 @@ mod tests {
     #[test]
     fn the_candidate_written_costs_what_was_written() {
         let after = Metrics { two_level_cost: 7.0, ..Metrics::default() };
-        let method = method(DecidedBy::Prediction).with_written(&after, 1e-9, 2.0);
+        let method = method(DecidedBy::Prediction).with_written(
+            &after,
+            &Verification { position_error_ratio: 1e-9, ..verification() },
+            2.0,
+        );
         assert_eq!(method.candidates[1].predicted_cost, 7.0);
         assert_eq!(method.candidates[1].position_error_ratio, Some(1e-9));
         assert_eq!(method.candidates[0].predicted_cost, 0.0);

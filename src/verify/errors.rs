@@ -39,6 +39,19 @@ impl Histogram {
     }
 }
 
+/// Classes of an octave of errors, from 2^-64 to 1, by which [`Errors::p999`] is found.
+const IN_AN_OCTAVE: usize = 8;
+
+/// Octaves of these classes.
+const OCTAVES: usize = 64;
+
+/// Returns the number that 99.9 % of the numbers do not exceed; 0 if there are none.
+pub(super) fn percentile_999(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_unstable_by(f64::total_cmp);
+    let at = (numbers.len() * 999).div_ceil(1000);
+    numbers.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
+}
+
 /// The error of one hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct HitError {
@@ -60,6 +73,8 @@ pub struct Errors {
     sum_of_squares: f64,
     /// How many are in each class of [`Histogram`].
     pub(super) by_decade: [u64; CLASSES],
+    /// How many are in each class of eighths of octaves.
+    fine: Fine,
     /// Largest error, in world units.
     pub(super) largest: f64,
     /// The instance of the input with the largest error over its size, and that ratio.
@@ -72,17 +87,36 @@ impl Errors {
         if self.count == 0 { 0.0 } else { (self.sum_of_squares / self.count as f64).sqrt() }
     }
 
+    /// Returns the relative error that 99.9 % of the hits do not exceed, rounded up to an eighth of an octave, but at most
+    /// the largest error.
+    pub fn p999(&self) -> f64 {
+        let mut left = (self.count * 999).div_ceil(1000);
+        let is_reached = |count: &u64| {
+            let reached = *count >= left;
+            left = left.saturating_sub(*count);
+            reached
+        };
+        match self.fine.0.iter().position(is_reached) {
+            Some(0) | None => 0.0,
+            Some(class) if class == OCTAVES * IN_AN_OCTAVE => self.max,
+            Some(class) => upper_end(class).min(self.max),
+        }
+    }
+
     pub(super) fn record(&mut self, error: HitError) {
-        let mut classes = [0; CLASSES];
-        classes[UP_TO.iter().position(|most| error.relative <= *most).unwrap_or(UP_TO.len())] = 1;
-        self.add(Errors {
-            count: 1,
-            max: error.relative,
-            sum_of_squares: error.relative * error.relative,
-            by_decade: classes,
-            largest: error.distance,
-            worst_object: (error.object.1 > 0.0).then_some(error.object),
-        });
+        self.count += 1;
+        self.max = self.max.max(error.relative);
+        self.sum_of_squares += error.relative * error.relative;
+        self.by_decade[UP_TO.iter().position(|most| error.relative <= *most).unwrap_or(UP_TO.len())] += 1;
+        self.fine.0[fine_class(error.relative)] += 1;
+        self.largest = self.largest.max(error.distance);
+        self.worsen((error.object.1 > 0.0).then_some(error.object));
+    }
+
+    fn worsen(&mut self, object: Option<(u32, f64)>) {
+        if object.map(|(_, ratio)| ratio) > self.worst_object.map(|(_, ratio)| ratio) {
+            self.worst_object = object;
+        }
     }
 
     pub(super) fn add(&mut self, other: Errors) {
@@ -91,10 +125,30 @@ impl Errors {
         self.sum_of_squares += other.sum_of_squares;
         self.by_decade.iter_mut().zip(other.by_decade).for_each(|(all, more)| *all += more);
         self.largest = self.largest.max(other.largest);
-        if other.worst_object.map(|(_, ratio)| ratio) > self.worst_object.map(|(_, ratio)| ratio) {
-            self.worst_object = other.worst_object;
-        }
+        self.fine.0.iter_mut().zip(other.fine.0).for_each(|(all, more)| *all += more);
+        self.worsen(other.worst_object);
     }
+}
+
+/// Numbers of errors: of those below 2^-64, then of each eighth of an octave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Fine([u64; OCTAVES * IN_AN_OCTAVE + 1]);
+
+impl Default for Fine {
+    fn default() -> Fine {
+        Fine([0; OCTAVES * IN_AN_OCTAVE + 1])
+    }
+}
+
+fn fine_class(error: f64) -> usize {
+    let at = (error.log2() + OCTAVES as f64) * IN_AN_OCTAVE as f64;
+    // Of zero, the logarithm is infinite; casts saturate.
+    (at.floor() + 1.0).clamp(0.0, (OCTAVES * IN_AN_OCTAVE) as f64) as usize
+}
+
+/// Returns the largest error of a class of [`Fine`].
+fn upper_end(class: usize) -> f64 {
+    (class as f64 / IN_AN_OCTAVE as f64 - OCTAVES as f64).exp2()
 }
 
 /// How far hits of one group lie off the planes of their triangles, in world units.
@@ -240,4 +294,40 @@ pub(super) fn position_bound(scene: &Scene, instance: InstanceId, allowed: f64) 
     let in_double = |largest: DVec3| 8.0 * f64::EPSILON * (there * largest + of.transform.translation.abs());
     let rounded = (SINGLE * (there * reach) + in_double(reach)).length();
     if of.source_copy.is_some() || of.copy > 0 { rounded.max(allowed) } else { rounded }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn errors(relative: impl IntoIterator<Item = f64>) -> Errors {
+        let mut all = Errors::default();
+        relative
+            .into_iter()
+            .for_each(|relative| all.record(HitError { relative, distance: relative, object: (0, 0.0) }));
+        all
+    }
+
+    #[test]
+    fn percentile_is_rounded_up_by_less_than_an_eighth_of_an_octave() {
+        let numbers: Vec<f64> = (1..=10_000).map(|i| 1e-9 * f64::from(i)).collect();
+        let exact = percentile_999(numbers.clone());
+        assert_eq!(exact, 9990.0 * 1e-9);
+        let found = errors(numbers).p999();
+        assert!(found >= exact && found < 1.0906 * exact, "{found} for {exact}");
+    }
+
+    #[test]
+    fn percentiles_of_nothing_and_of_zeros_are_zero() {
+        assert_eq!([percentile_999(Vec::new()), errors([]).p999(), errors([0.0; 5]).p999()], [0.0; 3]);
+        assert_eq!([percentile_999(vec![3.0]), errors([3.0]).p999()], [3.0; 2]);
+        assert_eq!(errors([f64::MAX]).p999(), f64::MAX);
+    }
+
+    #[test]
+    fn parts_add_up_to_the_whole() {
+        let (mut first, second) = (errors([1e-9, 1e-3]), errors([1e-5]));
+        first.add(second);
+        assert_eq!(first, errors([1e-9, 1e-3, 1e-5]));
+    }
 }

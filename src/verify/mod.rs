@@ -4,6 +4,7 @@
 //! [`verdict`] states the rules. Rays, comparison and verdict use tracers only through the trait [`Tracer`]; [`device`]
 //! decides which one traces.
 
+pub mod accuracy;
 pub mod approach;
 pub mod build;
 pub mod compare;

@@ -19,6 +19,7 @@
 
 use serde::Serialize;
 
+use super::accuracy::Accuracy;
 use super::build::Structures;
 use super::compare::Tally;
 use super::errors::{ErrorReport, Histogram};
@@ -63,6 +64,8 @@ pub struct Verification {
     pub max_relative_distance_error: f64,
     /// Root mean square of these errors.
     pub rms_relative_distance_error: f64,
+    /// The error that 99.9 % of the output's hits do not exceed, within an eighth of an octave.
+    pub p999_relative_distance_error: f64,
     /// Like `max_relative_distance_error`, for the input's hits.
     pub before_max_relative_distance_error: f64,
     /// Like `rms_relative_distance_error`, for the input's hits.
@@ -90,6 +93,16 @@ pub struct Verification {
 }
 
 impl Verification {
+    /// What tracing the output costs in accuracy.
+    pub fn accuracy(&self) -> Accuracy {
+        Accuracy {
+            max_relative_distance_error: self.max_relative_distance_error,
+            p999_relative_distance_error: self.p999_relative_distance_error,
+            rms_relative_distance_error: self.rms_relative_distance_error,
+            lost_per_million: self.seams.after_lost_per_million,
+        }
+    }
+
     /// Whether the output shows the same as the input.
     pub fn passed(&self) -> bool {
         self.failures.is_empty()
@@ -131,6 +144,7 @@ pub(super) fn judge(
         errors: ErrorReport::new(scenes, structure.as_ref(), &tally, allowed),
         max_relative_distance_error: tally.after.max,
         rms_relative_distance_error: tally.after.rms(),
+        p999_relative_distance_error: tally.after.p999(),
         before_max_relative_distance_error: tally.before.max,
         before_rms_relative_distance_error: tally.before.rms(),
         distance_error_histogram: Histogram::of(&tally),

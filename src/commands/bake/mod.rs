@@ -132,7 +132,7 @@ pub fn bake(
         Pass::find_copies(&copies::as_written(sharing, written.unchanged, copies_are_placed), seconds)
     });
     let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
-    let method = MethodReport::from(chosen.selection).with_written(&after, verification.position_error_ratio, seconds);
+    let method = MethodReport::from(chosen.selection).with_written(&after, &verification, seconds);
     let profiles = per_primitive_note(
         blas_per,
         Sides { before: &scene, after: &after_scene },

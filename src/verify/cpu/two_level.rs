@@ -90,7 +90,16 @@ impl TwoLevel {
 
     fn build_padded(scene: &Scene, trees: &MeshTrees, padding: Padding) -> TwoLevel {
         let build = |(number, mesh): (usize, &Mesh)| Bottom::build(mesh, trees.get(MeshId(number as u32)));
-        let bottom: Vec<Bottom> = scene.meshes.par_iter().enumerate().map(build).collect();
+        TwoLevel::over(scene.meshes.par_iter().enumerate().map(build).collect(), scene, padding)
+    }
+
+    /// Places the meshes as a scene does, with boxes of instances that rays of [`super::CpuTracer`] do not miss.
+    pub(crate) fn padded(self, scene: &Scene) -> TwoLevel {
+        TwoLevel::over(self.bottom, scene, Padding::AsRaysNeed)
+    }
+
+    /// Builds the tree over the instances.
+    fn over(bottom: Vec<Bottom>, scene: &Scene, padding: Padding) -> TwoLevel {
         let extent = |i: &Instance| {
             let mesh = &bottom[i.mesh.0 as usize];
             largest_coordinate(&mesh.bounds.transformed(&scaled(&i.transform, 1.0, mesh.scale)))
