@@ -22,13 +22,22 @@ pub(super) trait Real:
     + Div<Output = Self>
     + From<f32>
 {
+    /// Padding of boxes for rounding errors, in multiples of the largest coordinate in a slab test.
+    const PAD: Self;
+
     /// Returns `ab - cd`, with the right sign even if the plain expression is exactly zero.
     fn difference_of_products(a: Self, b: Self, c: Self, d: Self) -> Self;
     /// Whether the sign bit is set, including that of a zero.
     fn is_negative(self) -> bool;
+    /// Returns the nearest number of this type.
+    fn nearest(x: f64) -> Self;
+    /// Returns the same number in double precision.
+    fn exact(self) -> f64;
 }
 
 impl Real for f32 {
+    const PAD: f32 = 4.0 * f32::EPSILON;
+
     fn difference_of_products(a: f32, b: f32, c: f32, d: f32) -> f32 {
         let rounded = a * b - c * d;
         if rounded == 0.0 { (f64::from(a) * f64::from(b) - f64::from(c) * f64::from(d)) as f32 } else { rounded }
@@ -37,15 +46,33 @@ impl Real for f32 {
     fn is_negative(self) -> bool {
         self.is_sign_negative()
     }
+
+    fn nearest(x: f64) -> f32 {
+        x as f32
+    }
+
+    fn exact(self) -> f64 {
+        f64::from(self)
+    }
 }
 
 impl Real for f64 {
+    const PAD: f64 = 64.0 * f64::EPSILON;
+
     fn difference_of_products(a: f64, b: f64, c: f64, d: f64) -> f64 {
         a * b - c * d
     }
 
     fn is_negative(self) -> bool {
         self.is_sign_negative()
+    }
+
+    fn nearest(x: f64) -> f64 {
+        x
+    }
+
+    fn exact(self) -> f64 {
+        self
     }
 }
 
@@ -134,14 +161,13 @@ impl<T: Real> BoxRay<T> {
 /// Nodes to be visited later, and the distances at which the ray enters them.
 pub(super) type Stack<T> = Vec<(u32, T)>;
 
-/// Visits the leaves a ray enters between `t_min` and `t_max`, near ones first. `visit` takes the items of a leaf and
-/// returns the new `t_max`, or stops the traversal. The stack is reused between rays. Adds the number of inner nodes
+/// Visits the leaves a ray enters within a range of distances, near ones first. `visit` takes the items of a leaf and
+/// returns the new end of the range, or stops the traversal. The stack is reused between rays. Adds the number of inner nodes
 /// passed to `passed`.
 pub(super) fn traverse<T: Real>(
     nodes: &[BoxNode],
     ray: &BoxRay<T>,
-    t_min: T,
-    mut t_max: T,
+    [t_min, mut t_max]: [T; 2],
     stack: &mut Stack<T>,
     passed: &mut u32,
     mut visit: impl FnMut(Range<usize>) -> ControlFlow<(), T>,

@@ -1,6 +1,8 @@
 //! Tracing on the CPU.
 
+mod arithmetic;
 mod boxes;
+mod fast;
 mod reference;
 mod search;
 mod tracer;
@@ -9,8 +11,10 @@ mod watertight;
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_of_arithmetic;
 
 pub use reference::{Reference, TrueHit};
 pub use search::Steps;
-pub use tracer::CpuTracer;
+pub use tracer::{ComputingTracer, CpuTracer, Precision};
 pub use two_level::TwoLevel;

@@ -3,10 +3,10 @@
 use glam::{DMat3, Vec3};
 use rayon::prelude::*;
 
-use super::boxes::BoxRay;
+use super::boxes::{BoxRay, Real};
 use super::search::{Found, Inside, Interval, Stacks, search};
 use super::two_level::{Entry, TwoLevel};
-use super::watertight::ShearedRay;
+use super::watertight::{ShearedRay, TriangleTest};
 use crate::scene::TriangleRef;
 use crate::verify::rays::Ray;
 use crate::verify::rounding::absolute;
@@ -21,9 +21,6 @@ pub struct TrueHit {
     /// Whether the front is hit, by glTF's rule.
     pub front: bool,
 }
-
-/// Padding of boxes for rounding errors, in multiples of the largest coordinate.
-const PAD: f64 = 64.0 * f64::EPSILON;
 
 /// Finds hits as if without rounding: triangles are tested in world coordinates in double precision, as returned by
 /// [`crate::scene::Scene::world_corners`]; only boxes are tested in mesh coordinates.
@@ -71,7 +68,7 @@ impl<'a> Reference<'a> {
     ) -> Option<TrueHit> {
         let scale = self.accel.scale;
         let (origin, direction) = (ray.origin.as_dvec3() * scale, ray.direction.as_dvec3());
-        let pad = PAD * (origin.abs().max_element() + self.accel.reach);
+        let pad = f64::PAD * (origin.abs().max_element() + self.accel.reach);
         let boxes = BoxRay::new(origin.to_array(), direction.to_array(), pad);
         let within = Interval { t_min: f64::from(ray.t_min) * scale, t_max: f64::from(ray.t_max) * scale, any };
         let triangles = ShearedRay::new(origin.to_array(), direction.to_array());
@@ -80,9 +77,9 @@ impl<'a> Reference<'a> {
             let d = entry.to_mesh.transform_vector3(direction);
             let largest = self.ways[at].to_mesh * (origin.abs() + entry.to_world.translation.abs());
             // Coordinates of a scaled mesh are at most 2.
-            let pad = PAD * self.ways[at].condition * (largest.max_element() + 2.0);
+            let pad = f64::PAD * self.ways[at].condition * (largest.max_element() + 2.0);
             let boxes = BoxRay::new(o.to_array(), d.to_array(), pad);
-            Some(Inside { boxes, triangles })
+            Some(Inside { start: 0.0, boxes, triangles })
         };
         search(self.accel, &boxes, within, stacks, enter, world_corners, |found| counts(&self.hit(found)))
             .map(|found| self.hit(&found))

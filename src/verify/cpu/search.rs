@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::boxes::{BoxRay, Real, Stack, traverse};
 use super::two_level::{Entry, TwoLevel};
-use super::watertight::ShearedRay;
+use super::watertight::TriangleTest;
 
 /// The stacks of both levels, reused between rays, and the steps of the last ray.
 pub(super) struct Stacks<T> {
@@ -62,20 +62,22 @@ pub(super) struct Found<T> {
 }
 
 /// The ray in the coordinates of an instance: for the boxes, and for the triangles.
-pub(super) struct Inside<T> {
+pub(super) struct Inside<T, X> {
+    /// Distance by which the origin is moved along the ray; distances inside count from there.
+    pub(super) start: T,
     pub(super) boxes: BoxRay<T>,
-    pub(super) triangles: ShearedRay<T>,
+    pub(super) triangles: X,
 }
 
 /// Finds the nearest hit of a ray, or any. Of hits at the same distance, the one with the lowest instance and triangle
 /// wins, so that the result does not depend on the shape of the trees. `enter` transforms the ray into an entry,
 /// `corners` returns a triangle of an entry in the coordinates of [`Inside::triangles`], `counts` accepts hits.
-pub(super) fn search<T: Real>(
+pub(super) fn search<T: Real, X: TriangleTest<T>>(
     accel: &TwoLevel,
     ray: &BoxRay<T>,
     within: Interval<T>,
     stacks: &mut Stacks<T>,
-    enter: impl Fn(usize, &Entry) -> Option<Inside<T>>,
+    enter: impl Fn(usize, &Entry) -> Option<Inside<T, X>>,
     corners: impl Fn(&Entry, &[Vec3; 3]) -> [[T; 3]; 3],
     counts: impl Fn(&Found<T>) -> bool,
 ) -> Option<Found<T>> {
@@ -83,17 +85,19 @@ pub(super) fn search<T: Real>(
     let Stacks { top, bottom, steps } = stacks;
     *steps = Steps::default();
     let Steps { top: steps_top, entries, bottom: steps_bottom } = steps;
-    let _ = traverse(&accel.top, ray, within.t_min, within.t_max, top, steps_top, |items| {
+    let _ = traverse(&accel.top, ray, [within.t_min, within.t_max], top, steps_top, |items| {
         for at in items {
             let entry = &accel.entries[at];
             let mesh = &accel.bottom[entry.mesh as usize];
             let Some(inside) = enter(at, entry) else { continue };
             *entries += 1;
-            let limit = best.map_or(within.t_max, |b| b.t);
-            traverse(&mesh.nodes, &inside.boxes, within.t_min, limit, bottom, steps_bottom, |items| {
+            let (start, limit) = (inside.start, best.map_or(within.t_max, |b| b.t));
+            let range = [within.t_min - start, limit - start];
+            traverse(&mesh.nodes, &inside.boxes, range, bottom, steps_bottom, |items| {
                 for i in items {
                     let Some(crossing) = inside.triangles.cross(corners(entry, &mesh.corners[i])) else { continue };
-                    let found = Found { t: crossing.t, entry: at, triangle: mesh.order[i], front: crossing.front };
+                    let found =
+                        Found { t: start + crossing.t, entry: at, triangle: mesh.order[i], front: crossing.front };
                     let is_nearer = within.contains(found.t) && best.is_none_or(|b| found.is_before(&b, accel));
                     if is_nearer && counts(&found) {
                         best = Some(found);
@@ -102,7 +106,7 @@ pub(super) fn search<T: Real>(
                         }
                     }
                 }
-                ControlFlow::Continue(best.map_or(within.t_max, |b| b.t))
+                ControlFlow::Continue(best.map_or(within.t_max, |b| b.t) - start)
             })?;
         }
         ControlFlow::Continue(best.map_or(within.t_max, |b| b.t))

@@ -4,7 +4,7 @@ use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 use proptest::prelude::*;
 
 use super::two_level::{Entry, TwoLevel};
-use super::watertight::ShearedRay;
+use super::watertight::{ShearedRay, TriangleTest};
 use super::{CpuTracer, Reference, TrueHit};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 use crate::verify::Hit;

@@ -1,15 +1,20 @@
-//! The tracer under test: single precision throughout, as on a device.
+//! The tracer under test: single precision throughout, as on a device. And, for experiments, the same traversal in other
+//! arithmetic.
 
 use std::convert::Infallible;
 use std::time::Instant;
 
-use glam::{Affine3A, DAffine3, Vec3, Vec3A};
+use glam::Vec3;
 use rayon::prelude::*;
 
-use super::boxes::BoxRay;
-use super::search::{Found, Inside, Interval, Stacks, Steps, search};
+use super::arithmetic::{Arithmetic, Double, Recentred, Single};
+use super::boxes::Real;
+use super::fast::PlainRay;
+use super::reference::TrueHit;
+use super::search::{Found, Interval, Stacks, Steps, search};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
+use crate::scene::TriangleRef;
 use crate::verify::rays::{Ray, RayKind};
 use crate::verify::{Hit, TimingHints, Tracer};
 
@@ -19,71 +24,88 @@ const BATCH: usize = 256;
 /// Default number of rays timed per kind, which take milliseconds.
 const TIMED: u32 = 2048;
 
-/// Padding of boxes, in multiples of the largest coordinate in a slab test.
-const PAD: f32 = 4.0 * f32::EPSILON;
-
-/// Traces rays on the CPU as a device does: the ray is transformed into the mesh of an instance by a matrix of 32-bit
-/// floats, and the direction keeps its length, so that distances need no conversion. The front is the side on which the
-/// corners run counter-clockwise in the mesh: a mirroring instance flips that side, as glTF requires.
-pub struct CpuTracer<'a> {
+/// Traces rays in some arithmetic.
+struct Computing<'a, A: Arithmetic> {
     accel: &'a TwoLevel,
-    /// The mesh-from-world transform of each entry; `None` if it overflows.
-    to_mesh: Vec<Option<Affine3A>>,
+    /// How rays enter each entry; `None` if its transform overflows.
+    ways: Vec<Option<A::Way>>,
 }
 
-impl<'a> CpuTracer<'a> {
-    /// Creates a tracer that uses built trees.
-    pub fn new(accel: &'a TwoLevel) -> Self {
-        CpuTracer { accel, to_mesh: accel.entries.iter().map(|e| single(&e.to_mesh)).collect() }
+impl<'a, A: Arithmetic> Computing<'a, A> {
+    fn new(accel: &'a TwoLevel) -> Self {
+        let way = |entry: &Entry| A::way(entry, &accel.bottom[entry.mesh as usize]);
+        Computing { accel, ways: accel.entries.iter().map(way).collect() }
     }
 
-    /// Returns the first hit of each ray.
-    pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        self.each(rays, |ray, stacks| self.trace(ray, false, stacks))
+    fn trace(&self, ray: &Ray, any: bool, stacks: &mut Stacks<A::Number>) -> Option<Found<A::Number>> {
+        let scale = self.accel.scale;
+        let scaled = |x: f32| A::Number::nearest(f64::from(x) * scale);
+        let world = A::ray(ray.origin.as_dvec3() * scale, ray.direction.as_dvec3());
+        let boxes = A::slab(&world, self.accel.reach);
+        let within = Interval { t_min: scaled(ray.t_min), t_max: scaled(ray.t_max), any };
+        let enter = |at: usize, _: &Entry| self.ways[at].as_ref().map(|way| A::enter(way, &world));
+        let corners = |_: &Entry, c: &[Vec3; 3]| c.map(|p| p.to_array().map(A::Number::from));
+        search(self.accel, &boxes, within, stacks, enter, corners, |_| true)
     }
 
-    /// Returns, for each ray, whether it hits anything.
-    pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
-    }
-
-    /// Returns the steps of each ray to the first hit, or to any.
-    pub fn steps(&self, rays: &[Ray], any: bool) -> Vec<Steps> {
-        self.each(rays, |ray, stacks| {
-            self.trace(ray, any, stacks);
-            stacks.steps
-        })
-    }
-
-    fn trace(&self, ray: &Ray, any: bool, stacks: &mut Stacks<f32>) -> Option<Hit> {
-        let scale = |x: f32| (f64::from(x) * self.accel.scale) as f32;
-        let origin = Vec3A::from_array(ray.origin.to_array().map(scale));
-        let direction = Vec3A::from(ray.direction);
-        let boxes = slab_ray(origin, direction, self.accel.reach as f32);
-        let within = Interval { t_min: scale(ray.t_min), t_max: scale(ray.t_max), any };
-        let enter = |at: usize| {
-            let to_mesh = self.to_mesh[at]?;
-            let (o, d) = (to_mesh.transform_point3a(origin), to_mesh.transform_vector3a(direction));
-            Some(Inside { boxes: slab_ray(o, d, 2.0), triangles: ShearedRay::new(o.to_array(), d.to_array()) })
-        };
-        let corners = |_: &Entry, c: &[Vec3; 3]| c.map(|p| p.to_array());
-        search(self.accel, &boxes, within, stacks, |at, _| enter(at), corners, |_| true).map(|found| self.hit(&found))
-    }
-
-    fn hit(&self, found: &Found<f32>) -> Hit {
-        Hit {
-            t: (f64::from(found.t) / self.accel.scale) as f32,
-            instance: self.accel.entries[found.entry].instance,
-            triangle: found.triangle,
-            front: found.front,
-        }
-    }
-
-    fn each<R: Send>(&self, rays: &[Ray], trace: impl Fn(&Ray, &mut Stacks<f32>) -> R + Sync) -> Vec<R> {
+    fn each<R: Send>(&self, rays: &[Ray], trace: impl Fn(&Ray, &mut Stacks<A::Number>) -> R + Sync) -> Vec<R> {
         rays.par_iter()
             .with_min_len(BATCH)
             .map_init(|| Stacks::new(self.accel), |stacks, ray| trace(ray, stacks))
             .collect()
+    }
+
+    fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
+    }
+
+    /// Returns the first hits, with distances as exact as they were computed.
+    fn closest(&self, rays: &[Ray]) -> Vec<Option<TrueHit>> {
+        let hit = |found: Found<A::Number>| TrueHit {
+            t: found.t.exact() / self.accel.scale,
+            at: TriangleRef { instance: self.accel.entries[found.entry].instance, triangle: found.triangle },
+            front: found.front,
+        };
+        self.each(rays, |ray, stacks| self.trace(ray, false, stacks).map(hit))
+    }
+}
+
+/// Traces rays on the CPU as a device does: the ray is transformed into the mesh of an instance by a matrix of 32-bit
+/// floats, and the direction keeps its length, so that distances need no conversion. The front is the side on which the
+/// corners run counter-clockwise in the mesh: a mirroring instance flips that side, as glTF requires.
+pub struct CpuTracer<'a>(Computing<'a, Single<ShearedRay<f32>>>);
+
+impl<'a> CpuTracer<'a> {
+    /// Creates a tracer that uses built trees.
+    pub fn new(accel: &'a TwoLevel) -> Self {
+        CpuTracer(Computing::new(accel))
+    }
+
+    /// Returns the first hit of each ray.
+    pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        self.0.each(rays, |ray, stacks| self.0.trace(ray, false, stacks).map(|found| self.hit(&found)))
+    }
+
+    /// Returns, for each ray, whether it hits anything.
+    pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        self.0.occluded(rays)
+    }
+
+    /// Returns the steps of each ray to the first hit, or to any.
+    pub fn steps(&self, rays: &[Ray], any: bool) -> Vec<Steps> {
+        self.0.each(rays, |ray, stacks| {
+            self.0.trace(ray, any, stacks);
+            stacks.steps
+        })
+    }
+
+    fn hit(&self, found: &Found<f32>) -> Hit {
+        Hit {
+            t: (f64::from(found.t) / self.0.accel.scale) as f32,
+            instance: self.0.accel.entries[found.entry].instance,
+            triangle: found.triangle,
+            front: found.front,
+        }
     }
 }
 
@@ -124,14 +146,73 @@ impl Tracer for CpuTracer<'_> {
     }
 }
 
-/// Returns a ray for slab tests against boxes whose coordinates are at most `reach`.
-fn slab_ray(origin: Vec3A, direction: Vec3A, reach: f32) -> BoxRay<f32> {
-    let pad = PAD * (origin.abs().max_element() + reach);
-    BoxRay::new(origin.to_array(), direction.to_array(), pad)
+/// The arithmetic of a [`ComputingTracer`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Single precision, with the test of Moeller and Trumbore.
+    F32Fast,
+    /// Single precision, with the watertight test: as [`CpuTracer`].
+    F32Watertight,
+    /// Single precision relative to each mesh, with the watertight test and a transform in double precision.
+    F32Recentred,
+    /// Double precision, with the watertight test.
+    F64,
 }
 
-/// Returns a transform in single precision, unless it overflows.
-fn single(transform: &DAffine3) -> Option<Affine3A> {
-    let single = Affine3A::from_cols_array(&transform.to_cols_array().map(|x| x as f32));
-    single.is_finite().then_some(single)
+impl Precision {
+    /// All of them, fastest first.
+    pub const ALL: [Precision; 4] =
+        [Precision::F32Fast, Precision::F32Watertight, Precision::F32Recentred, Precision::F64];
+
+    /// Returns the name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Precision::F32Fast => "f32-fast",
+            Precision::F32Watertight => "f32-watertight",
+            Precision::F32Recentred => "f32-recentred",
+            Precision::F64 => "f64",
+        }
+    }
+}
+
+/// Traces rays on the CPU in a chosen arithmetic, for experiments; verifications use [`CpuTracer`].
+pub struct ComputingTracer<'a>(In<'a>);
+
+enum In<'a> {
+    Fast(Computing<'a, Single<PlainRay<f32>>>),
+    Watertight(Computing<'a, Single<ShearedRay<f32>>>),
+    Recentred(Computing<'a, Recentred>),
+    Double(Computing<'a, Double>),
+}
+
+impl<'a> ComputingTracer<'a> {
+    /// Creates a tracer that uses built trees.
+    pub fn new(accel: &'a TwoLevel, precision: Precision) -> Self {
+        ComputingTracer(match precision {
+            Precision::F32Fast => In::Fast(Computing::new(accel)),
+            Precision::F32Watertight => In::Watertight(Computing::new(accel)),
+            Precision::F32Recentred => In::Recentred(Computing::new(accel)),
+            Precision::F64 => In::Double(Computing::new(accel)),
+        })
+    }
+
+    /// Returns the first hit of each ray, with its distance as it was computed.
+    pub fn closest(&self, rays: &[Ray]) -> Vec<Option<TrueHit>> {
+        match &self.0 {
+            In::Fast(tracer) => tracer.closest(rays),
+            In::Watertight(tracer) => tracer.closest(rays),
+            In::Recentred(tracer) => tracer.closest(rays),
+            In::Double(tracer) => tracer.closest(rays),
+        }
+    }
+
+    /// Returns, for each ray, whether it hits anything.
+    pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+        match &self.0 {
+            In::Fast(tracer) => tracer.occluded(rays),
+            In::Watertight(tracer) => tracer.occluded(rays),
+            In::Recentred(tracer) => tracer.occluded(rays),
+            In::Double(tracer) => tracer.occluded(rays),
+        }
+    }
 }

@@ -45,7 +45,7 @@ pub(super) struct Bottom {
     /// Scaled mesh units per mesh unit.
     scale: f64,
     /// Box of the scaled corners.
-    bounds: Bounds,
+    pub(super) bounds: Bounds,
     pub(super) depth: usize,
 }
 

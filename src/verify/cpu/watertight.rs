@@ -3,6 +3,16 @@
 
 use super::boxes::Real;
 
+/// A test of a ray against triangles.
+pub(super) trait TriangleTest<T> {
+    /// Prepares a ray. A ray with a zero direction hits nothing.
+    fn new(origin: [T; 3], direction: [T; 3]) -> Self;
+
+    /// Returns the crossing of the ray's line with a triangle, at any `t`. Edges belong to the triangle; a triangle
+    /// seen exactly edge-on is not crossed. On overflow there is no crossing, or `t` is NaN.
+    fn cross(&self, corners: [[T; 3]; 3]) -> Option<Crossing<T>>;
+}
+
 /// A ray, sheared so that it runs along the last axis.
 #[derive(Clone, Copy)]
 pub(super) struct ShearedRay<T> {
@@ -21,8 +31,15 @@ pub(super) struct Crossing<T> {
 }
 
 impl<T: Real> ShearedRay<T> {
-    /// Shears a ray. A ray with a zero direction hits nothing.
-    pub(super) fn new(origin: [T; 3], direction: [T; 3]) -> Self {
+    /// Returns a corner in the sheared space, its last coordinate not yet scaled.
+    fn sheared(&self, corner: [T; 3]) -> [T; 3] {
+        let [x, y, z] = self.axes.map(|i| corner[i] - self.origin[i]);
+        [x - self.shear[0] * z, y - self.shear[1] * z, z]
+    }
+}
+
+impl<T: Real> TriangleTest<T> for ShearedRay<T> {
+    fn new(origin: [T; 3], direction: [T; 3]) -> Self {
         let length = |i: usize| if direction[i].is_negative() { -direction[i] } else { direction[i] };
         let z = if length(0) >= length(1) && length(0) >= length(2) {
             0
@@ -39,15 +56,7 @@ impl<T: Real> ShearedRay<T> {
         ShearedRay { origin, axes, shear }
     }
 
-    /// Returns a corner in the sheared space, its last coordinate not yet scaled.
-    fn sheared(&self, corner: [T; 3]) -> [T; 3] {
-        let [x, y, z] = self.axes.map(|i| corner[i] - self.origin[i]);
-        [x - self.shear[0] * z, y - self.shear[1] * z, z]
-    }
-
-    /// Returns the crossing of the ray's line with a triangle, at any `t`. Edges belong to the triangle; a triangle
-    /// seen exactly edge-on is not crossed. On overflow there is no crossing, or `t` is NaN.
-    pub(super) fn cross(&self, corners: [[T; 3]; 3]) -> Option<Crossing<T>> {
+    fn cross(&self, corners: [[T; 3]; 3]) -> Option<Crossing<T>> {
         let [a, b, c] = corners.map(|p| self.sheared(p));
         let u = T::difference_of_products(c[0], b[1], c[1], b[0]);
         let v = T::difference_of_products(a[0], c[1], a[1], c[0]);
