@@ -5,6 +5,8 @@
 //! always competes, and wins where nothing beats it. What counts is the layout as its consumer builds it: with one BLAS a
 //! primitive, each geometry of a group is a group of its own.
 
+#[cfg(any(feature = "cli", feature = "lab"))]
+pub(crate) mod applies;
 mod bounds;
 mod candidate;
 mod decide;
@@ -93,6 +95,8 @@ pub struct ChooseOptions {
     pub class: Class,
     /// What is ruled out.
     pub forbidden: Forbidden,
+    /// How many rays of each kind `auto` ranks candidates by; `None`: as many as suit the effort.
+    pub(crate) ranking_rays: Option<usize>,
 }
 
 impl ChooseOptions {
@@ -285,7 +289,7 @@ impl Choosing<'_> {
         let evaluator = Evaluator {
             trees,
             two_level_cost: before.two_level_cost,
-            rays_per_kind: options.effort.rays(),
+            rays_per_kind: options.ranking_rays.unwrap_or(options.effort.rays()),
             all_kinds: false,
             class: options.class,
             verify,

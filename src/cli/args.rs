@@ -60,7 +60,7 @@ pub(super) enum Command {
     /// Show what a scene contains, what it costs to trace and which vendor rules it breaks
     Inspect(InspectArguments),
     #[cfg(feature = "lab")]
-    /// Time many layouts of many scenes and fit the cost model that ranks layouts
+    /// Time many layouts of many scenes: fit the cost model that ranks layouts, or set errors against run time
     #[command(after_help = "docs/lab.md describes the configuration and the tables.")]
     Lab(super::lab::LabArguments),
     /// List Vulkan devices, their limits, and which features for ray tracing they lack
@@ -423,6 +423,7 @@ impl BakeArguments {
                     choose_instances: matches!(l.instances, Some(InstancesArgument::BakeOrKeep)),
                 },
                 layout: l.options(),
+                ranking_rays: None,
             },
             copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),
             load: LoadOptions { strict: self.strict, keep: self.keep.clone() },

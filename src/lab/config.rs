@@ -9,6 +9,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::LabError;
+use super::error_vs_time::{self, Bake, ErrorVsTime};
+use crate::choose::ChooseOptions;
 use crate::choose::model::Class;
 use crate::choose::plans::{Effort, Plan, plans};
 use crate::methods::{Method, Options};
@@ -31,6 +33,8 @@ pub(super) struct Config {
     pub(super) skip_broken: bool,
     /// The device class to fit prices for.
     pub(super) fit: Option<Class>,
+    /// What to measure instead of prices.
+    pub(super) error_vs_time: Option<ErrorVsTime>,
 }
 
 #[derive(Deserialize)]
@@ -49,6 +53,8 @@ struct Keys {
     #[serde(default)]
     skip_broken: bool,
     fit: Option<FitKeys>,
+    #[serde(rename = "error-vs-time")]
+    error_vs_time: Option<Spanned<error_vs_time::Keys>>,
 }
 
 #[derive(Deserialize)]
@@ -68,16 +74,20 @@ impl Config {
         let source = Source { path, text: &text };
         let keys: Keys = toml::from_str(&text).map_err(|e| source.error(e.span(), e.message()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
+        let error_vs_time = error_vs_time(&source, &keys)?;
+        let is_fit = error_vs_time.is_none();
         let config = Config {
-            scenes: scenes(&source, &keys.scenes, folder)?,
-            plans: chosen_plans(&source, &keys)?,
+            scenes: match &error_vs_time {
+                Some(made) if made.has_scenes() && keys.scenes.get_ref().is_empty() => Vec::new(),
+                _ => scenes(&source, &keys.scenes, folder)?,
+            },
+            plans: if is_fit { chosen_plans(&source, &keys)? } else { Vec::new() },
             verify: verify_options(&source, &keys)?,
-            counted_rays: source
-                .count(&keys.counted_rays, "counted_rays", MOST_RAYS)?
-                .map_or(Effort::default().rays(), |n| n as usize),
+            counted_rays: counted_rays(&source, &keys)?.unwrap_or(Effort::default().rays()),
             out: folder.join(&keys.out),
             skip_broken: keys.skip_broken,
             fit: keys.fit.as_ref().map(|fit| class(&source, &fit.class)).transpose()?,
+            error_vs_time,
         };
         match keys.fit.map(|fit| (config.cannot_fit(), fit.class.span())) {
             Some((Some(why), span)) => Err(source.error(Some(span), format!("`fit`: {why}"))),
@@ -96,13 +106,13 @@ impl Config {
 }
 
 /// The text of a configuration, for errors that state lines.
-struct Source<'a> {
+pub(super) struct Source<'a> {
     path: &'a Path,
     text: &'a str,
 }
 
 impl Source<'_> {
-    fn error(&self, span: Option<Range<usize>>, cause: impl Display) -> LabError {
+    pub(super) fn error(&self, span: Option<Range<usize>>, cause: impl Display) -> LabError {
         let before = span.and_then(|s| self.text.get(..s.start));
         let line = before.map_or(1, |text| text.matches('\n').count() + 1);
         LabError::Config { file: self.path.to_owned(), line, cause: cause.to_string() }
@@ -128,6 +138,27 @@ impl Source<'_> {
             _ => Err(self.error(Some(value.span()), format!("`{key}` is a number of at least 0"))),
         }
     }
+}
+
+fn counted_rays(source: &Source<'_>, keys: &Keys) -> Result<Option<usize>, LabError> {
+    Ok(source.count(&keys.counted_rays, "counted_rays", MOST_RAYS)?.map(|n| n as usize))
+}
+
+/// The experiment `[error-vs-time]`. The keys outside of it are what its layouts are made with where it says nothing
+/// else.
+fn error_vs_time(source: &Source<'_>, keys: &Keys) -> Result<Option<ErrorVsTime>, LabError> {
+    let Some(table) = &keys.error_vs_time else { return Ok(None) };
+    if keys.fit.is_some() {
+        return Err(source.error(Some(table.span()), "`fit` and `error-vs-time` cannot both be given"));
+    }
+    let effort = keys.effort.as_ref().map(|effort| source.within(effort, "effort", 0..=u32::from(Effort::MOST)));
+    let choose = ChooseOptions {
+        effort: effort.transpose()?.map_or(Effort::default(), |level| Effort::new(level as u8)),
+        ranking_rays: counted_rays(source, keys)?,
+        ..ChooseOptions::default()
+    };
+    let bake = Bake { choose, verify: verify_options(source, keys)? };
+    ErrorVsTime::read(source, table.get_ref(), keys.methods.as_ref(), bake).map(Some)
 }
 
 /// How layouts are timed.
@@ -297,6 +328,16 @@ mod tests {
             ("repeats = 'often'", "/lab.toml:3: "),
             ("seed = ", "/lab.toml:3: "),
             ("[fit]\nclass = 'no-rt-cores'", "/lab.toml:4: `fit`: it takes two scenes"),
+            ("[error-vs-time]\nshininess = 3", "/lab.toml:4: unknown key `shininess` in `error-vs-time`"),
+            ("[error-vs-time]\ntracers = ['f16']", "/lab.toml:4: `tracers`: there is no `f16`; there are `f32-fast`"),
+            ("[error-vs-time]\nplacements = []", "/lab.toml:4: `placements` is not a value or a list of them"),
+            ("[error-vs-time]\nplacements = 'away'", "/lab.toml:4: `placements`: there is no `away`"),
+            ("[error-vs-time]\nerror_rays = 0", "/lab.toml:4: `error_rays` is not an integer from 1"),
+            ("[error-vs-time]\neffort = [0, 7]", "/lab.toml:4: `effort` is 7, not an integer from 0 to 6"),
+            ("[error-vs-time]\nframes = ['on']", "/lab.toml:4: `frames` is on, not `true` or `false`"),
+            ("[error-vs-time]\nentry_cost = nan", "/lab.toml:4: `entry_cost` is not a value or a list of them"),
+            ("methods = ['single, turned']\n[error-vs-time]", "/lab.toml:3: `methods`: there is no `single, turned`"),
+            ("[error-vs-time]\n[fit]\nclass = 'rt-cores'", "/lab.toml:3: `fit` and `error-vs-time` cannot both"),
         ] {
             let found = error(&format!("{base}{more}"));
             assert!(found.starts_with(words), "{more}: {found}");

@@ -2,17 +2,20 @@
 //! `docs/lab.md` describes the configuration, the tables and the fit.
 
 mod config;
+mod error_vs_time;
 pub mod extreme;
 mod fit;
 mod matrix;
 mod nnls;
 mod output;
+mod plot;
 mod quality;
 mod rows;
 
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
+pub use error_vs_time::{ErrorRow, Value};
 pub use fit::{Fit, FitError, KindFit, Predicted, SCHEMA};
 pub use quality::Quality;
 pub use rows::{KindRow, Row};
@@ -63,6 +66,8 @@ impl LabError {
 pub struct Lab {
     /// A row for each layout of each scene.
     pub rows: Vec<Row>,
+    /// A row for each tracer of each layout, of the experiment `error-vs-time`.
+    pub error_rows: Vec<ErrorRow>,
     /// The fitted prices, if requested.
     pub fit: Option<Result<Fit, FitError>>,
     /// The folder with the tables.
@@ -86,12 +91,41 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     output::check(&config.out)?;
     let machine = Machine::open(&config.verify.device);
     let machine = machine.map_err(|e| LabError::Device(e.to_string().replace("--device", "`device`")))?;
-    let mut notes: Vec<String> = machine.notes().iter().map(ToString::to_string).collect();
+    let notes: Vec<String> = machine.notes().iter().map(ToString::to_string).collect();
+    match config.error_vs_time {
+        Some(_) => measure_errors(config, &machine, notes, progress),
+        None => measure_layouts(config, &machine, notes, progress),
+    }
+}
+
+/// Sets errors against run time.
+fn measure_errors(
+    config: Config,
+    machine: &Machine,
+    mut notes: Vec<String>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Lab, LabError> {
+    let Config { scenes, out, skip_broken, error_vs_time: Some(experiment), .. } = config else {
+        unreachable!("the experiment is part of the configuration")
+    };
+    let done = error_vs_time::run(&experiment, &scenes, &out, machine, skip_broken, progress)?;
+    notes.extend(done.notes);
+    let text = format!("{} rows in {}\n", done.rows.len(), out.display());
+    Ok(Lab { rows: Vec::new(), error_rows: done.rows, fit: None, out, notes, warnings: done.warnings, text })
+}
+
+/// Times layouts and, if requested, fits prices to them.
+fn measure_layouts(
+    config: Config,
+    machine: &Machine,
+    mut notes: Vec<String>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Lab, LabError> {
     let class = config.fit.unwrap_or_default();
     let (mut rows, mut warnings) = (Vec::new(), Vec::new());
     for (name, path) in &config.scenes {
         progress(name);
-        match measure(name, path, &machine, class, &config) {
+        match measure(name, path, machine, class, &config) {
             Ok((of_scene, of_reader)) => {
                 rows.extend(of_scene);
                 warnings.extend(of_reader);
@@ -104,8 +138,8 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     let fit = config.fit.map(|class| fit::fit(&rows, class));
     let fitted = fit.as_ref().and_then(|fit| fit.as_ref().ok()).map(|fit| (fit, class));
     output::write(&config.out, &rows, fitted)?;
-    let text = fitted.map_or_else(|| summary(&rows, &machine), |(fit, class)| output::markdown(fit, class));
-    Ok(Lab { rows, fit, out: config.out, notes, warnings, text })
+    let text = fitted.map_or_else(|| summary(&rows, machine), |(fit, class)| output::markdown(fit, class));
+    Ok(Lab { rows, error_rows: Vec::new(), fit, out: config.out, notes, warnings, text })
 }
 
 /// Measures the layouts of a scene file; also returns what its reader repaired or omitted.

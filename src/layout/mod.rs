@@ -21,7 +21,7 @@ pub use note::{Changed, Limit, Meshes, Note, Stay};
 pub use order::{order_by_tree, order_for_good};
 pub use per_geometry::{BlasPer, as_built, per_geometry};
 pub use placed_trees::PlacedTrees;
-pub use stored::stored;
+pub use stored::{shown, stored};
 
 use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
 use glam::DAffine3;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::store::{Store, Vertices};
 use crate::layout::{Content, GroupGeometry, Layout};
 use crate::parallel::CHEAP_ELEMENTS;
-use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Known, Mesh, MeshId, Scene};
+use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Known, Mesh, MeshId, Scene, TriangleRef};
 
 /// Returns the scene of a layout: one mesh per group and one instance per placement, in their order, with positions as
 /// they would be stored, rounded once. For tracing only: it does not record the sources of triangles.
@@ -32,6 +32,28 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
         boxes: Known::default(),
         core: Known::default(),
     }
+}
+
+/// Returns the triangle of the input that a triangle of the [`stored`] scene of a layout shows.
+pub fn shown(layout: &Layout, at: TriangleRef) -> TriangleRef {
+    let placement = &layout.placements[at.instance as usize];
+    let placed = |triangle| TriangleRef { instance: placement.instance.map_or(0, |i| i.0), triangle };
+    match &layout.groups[placement.group as usize].content {
+        Content::Kept(_) => placed(at.triangle),
+        Content::Piece { geometries, .. } => placed(nth(geometries, at.triangle as usize).triangle),
+        Content::Baked { geometries, .. } => nth(geometries, at.triangle as usize),
+    }
+}
+
+/// Returns a triangle by its number, counted across geometries.
+fn nth(geometries: &[GroupGeometry], mut number: usize) -> TriangleRef {
+    for geometry in geometries {
+        match geometry.triangles.get(number) {
+            Some(at) => return *at,
+            None => number -= geometry.triangles.len(),
+        }
+    }
+    panic!("a group has fewer triangles than its stored mesh");
 }
 
 fn mesh(scene: &Scene, content: &Content) -> Arc<Mesh> {
@@ -85,28 +107,17 @@ mod tests {
     use super::*;
     use crate::layout::test_scenes::*;
     use crate::methods::{Method, Options, run};
-    use crate::scene::{InstanceId, TriangleRef};
+    use crate::scene::InstanceId;
     use proptest::prelude::*;
 
     /// The largest distance between a corner and its position in the stored scene, over all placed triangles.
     fn largest_error(scene: &Scene, layout: &Layout, stored: &Scene) -> f64 {
         let mut largest = 0.0f64;
-        for (instance, placement) in (0..).zip(&layout.placements) {
-            let content = &layout.groups[placement.group as usize].content;
-            let all: Vec<u32> = (0..stored.mesh_of(InstanceId(instance)).triangle_count() as u32).collect();
-            let placed = |triangle| TriangleRef { instance: placement.instance.map_or(0, |i| i.0), triangle };
-            let sources: Vec<TriangleRef> = match content {
-                Content::Kept(_) => all.iter().map(|&t| placed(t)).collect(),
-                Content::Piece { geometries, .. } => {
-                    geometries.iter().flat_map(|g| &g.triangles).map(|at| placed(at.triangle)).collect()
-                }
-                Content::Baked { geometries, .. } => geometries.iter().flat_map(|g| g.triangles.clone()).collect(),
-            };
-            assert_eq!(sources.len(), all.len());
-            for (source, triangle) in sources.into_iter().zip(all) {
-                let corners = scene.world_corners(source).into_iter();
-                let stored = stored.world_corners(TriangleRef { instance, triangle });
-                largest = corners.zip(stored).map(|(a, b)| a.distance(b)).fold(largest, f64::max);
+        for instance in 0..layout.placements.len() as u32 {
+            for triangle in 0..stored.mesh_of(InstanceId(instance)).triangle_count() as u32 {
+                let at = TriangleRef { instance, triangle };
+                let corners = scene.world_corners(shown(layout, at)).into_iter();
+                largest = corners.zip(stored.world_corners(at)).map(|(a, b)| a.distance(b)).fold(largest, f64::max);
             }
         }
         largest

@@ -324,6 +324,14 @@ impl Scene {
         moved
     }
 
+    /// Returns the scene with the world stretched along its axes, without cameras; it shares all meshes.
+    pub fn stretched(&self, by: DVec3) -> Scene {
+        let mut stretched = Scene { cameras: Default::default(), ..self.clone() };
+        let stretch = DAffine3::from_scale(by);
+        stretched.instances.iter_mut().for_each(|instance| instance.transform = stretch * instance.transform);
+        stretched
+    }
+
     /// Returns the number of triangles stored; each mesh counts once.
     pub fn triangles_stored(&self) -> u64 {
         self.meshes.iter().map(|m| m.triangle_count() as u64).sum()

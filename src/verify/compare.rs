@@ -18,9 +18,9 @@ use super::{Hit, Mismatch, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
 /// Distance between two hits, as a share of the scene's radius, above which they count as far apart.
-pub(super) const FAR_RATIO: f64 = 1e-4;
+pub(crate) const FAR_RATIO: f64 = 1e-4;
 /// Lower limit of the distance that errors are relative to, as a share of the scene's radius.
-pub(super) const NEAR_RATIO: f64 = 1e-3;
+pub(crate) const NEAR_RATIO: f64 = 1e-3;
 /// Largest share of an object's size that may excuse a difference at it as rounding.
 pub(super) const EXCUSABLE: f64 = 0.1;
 /// Number of mismatches described in words.

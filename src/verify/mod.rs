@@ -15,6 +15,8 @@ pub mod identity;
 mod materials;
 mod note;
 mod per_kind;
+#[cfg(feature = "lab")]
+pub(crate) mod probe;
 mod race;
 pub(crate) mod random;
 pub mod rays;

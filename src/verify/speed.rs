@@ -135,7 +135,7 @@ fn warm_up<T: Tracer, const N: usize>(kind: RayKind, rays: &T::Rays<'_>, tracers
 }
 
 /// Returns the median of numbers, of which there is at least one.
-fn median(numbers: &[f64]) -> f64 {
+pub(crate) fn median(numbers: &[f64]) -> f64 {
     let sorted = sorted(numbers.iter().copied());
     0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2])
 }

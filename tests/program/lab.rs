@@ -216,3 +216,68 @@ fn scenes_far_from_the_origin_are_predicted_as_a_bake_does() {
     let single = &rows_by_plan(folder.path(), &scene)["single"];
     assert!(single["kinds"]["primary"]["blas_nodes"].as_f64().is_some_and(|met| met > 1.0), "{single}");
 }
+
+/// The JSON lines and the CSV records of errors against time, which are the same rows.
+fn error_rows(folder: &Path) -> Vec<Value> {
+    let lines = fs::read_to_string(folder.join("tables/error-vs-time.jsonl")).expect("a table");
+    let rows: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let mut reader = csv::Reader::from_path(folder.join("tables/error-vs-time.csv")).expect("a table");
+    let names: Vec<String> = reader.headers().expect("a header").iter().map(str::to_owned).collect();
+    let records: Vec<csv::StringRecord> = reader.records().map(|record| record.expect("sound")).collect();
+    assert_eq!(records.len(), rows.len());
+    for (record, row) in records.iter().zip(&rows) {
+        for (value, name) in record.iter().zip(&names) {
+            match &row[name] {
+                Value::Number(number) => assert_eq!(value.parse().ok(), number.as_f64(), "{name}"),
+                Value::String(word) => assert_eq!(value, word, "{name}"),
+                other => assert!(other.is_null(), "{name}: {other}"),
+            }
+        }
+    }
+    rows
+}
+
+const ERRORS: &str = "scenes = ['*/*.glb']\nout = 'tables'\ndevice = 'cpu'\nrays = 64\nrepeats = 1\neffort = 0\n\
+                      methods = ['keep', 'cluster', 'auto']\n[error-vs-time]\nerror_rays = 128\n";
+
+#[test]
+fn errors_are_set_against_time_for_each_method_setting_place_and_tracer() {
+    let folder = two_samples();
+    fs::remove_dir_all(folder.path().join("staggered")).unwrap();
+    let sweep = "generated = ['torus']\nplacements = ['as-is', 'far', 'stretched']\nentry_cost = [2, 80.5]\n\
+                 tracers = ['f32-fast', 'f32-watertight', 'f32-recentred', 'f64']\n";
+    let ran = lab(folder.path(), &format!("{ERRORS}{sweep}"), &[]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let rows = error_rows(folder.path());
+    // Two scenes, three places, four tracers; `cluster` with two entry costs, the others with none.
+    assert_eq!(rows.len(), 2 * 3 * 4 * (1 + 2 + 1));
+    for row in &rows {
+        let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name}: {row}"));
+        assert_eq!(row["settings"]["entry_cost"].is_null(), row["method"] != "cluster", "{row}");
+        assert!(number("nanoseconds_per_ray") > 0.0 && number("two_level_cost") > 0.0, "{row}");
+        assert!(number("cost_over_best_ratio") >= 1.0 && number("layout_seconds") > 0.0, "{row}");
+        assert!(number("largest_distance_error") >= number("p999_distance_error"), "{row}");
+        assert!(number("position_error_ratio") <= 1e-6 && number("rms_distance_error") >= 0.0, "{row}");
+        let is_near = row["placement"] == "as-is";
+        assert!(!is_near || number("p999_distance_error") < 1e-3, "{row}");
+    }
+    let exact = rows.iter().filter(|row| row["tracer"] == "f64" && row["scene"] == "torus" && row["method"] == "keep");
+    assert!(exact.clone().count() == 3 && exact.into_iter().all(|row| row["lost_per_million"] == 0.0));
+    let names = folder_names(&folder.path().join("tables"));
+    for name in ["torus-far", "overlapping-scene.glb-stretched", "precision-torus", "precision-overlapping-scene.glb"] {
+        for end in ["svg", "png"] {
+            assert!(names.contains(&format!("{name}.{end}")), "{name}.{end}: {names:?}");
+        }
+    }
+}
+
+#[test]
+fn rows_written_before_a_failure_stay() {
+    let folder = two_samples();
+    fs::write(folder.path().join("staggered/scene.glb"), "no scene").unwrap();
+    let ran = lab(folder.path(), ERRORS, &[]);
+    assert_eq!(ran.status, 2, "{}", ran.stderr);
+    assert!(ran.stderr.contains("staggered/scene.glb"), "{}", ran.stderr);
+    let rows = error_rows(folder.path());
+    assert!(rows.len() == 3 && rows.iter().all(|row| row["scene"] == "overlapping/scene.glb"), "{rows:?}");
+}

@@ -64,7 +64,7 @@ pub struct SeamCount {
 
 /// A class of places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Class {
+pub(crate) enum Class {
     /// Several instances of the output meet.
     AcrossGroups,
     /// Several objects of the input meet, in one instance of the output if it is known.
@@ -79,8 +79,8 @@ impl Class {
 
 /// Rays that should hit something, each with the class of the place it is aimed at.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Aimed {
-    pub(super) rays: Vec<Ray>,
+pub(crate) struct Aimed {
+    pub(crate) rays: Vec<Ray>,
     classes: Vec<Class>,
 }
 
@@ -88,7 +88,7 @@ impl Aimed {
     /// Aims up to `options.rays_per_kind` rays at closed places of `before`, an equal share at each class. With an
     /// `identity`, places are also sought where groups of the output meet. `displacement` is the distance by which
     /// corners of the output may lie elsewhere, in world units.
-    pub(super) fn new(
+    pub(crate) fn new(
         before: &Scene,
         identity: Option<&Identity>,
         displacement: f64,

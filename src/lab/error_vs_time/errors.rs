@@ -1,0 +1,236 @@
+//! How far a layout and a tracer are from the truth: positions, distances, and rays lost at seams.
+//!
+//! The truth is the true closest hit of each ray, in double precision, over the exact positions of the input
+//! ([`Scene::world_corners`]).
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::layout::{Layout, shown};
+use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
+use crate::verify::VerifyOptions;
+use crate::verify::approach::Approach;
+use crate::verify::compare::{FAR_RATIO, NEAR_RATIO};
+use crate::verify::cpu::{Reference, TrueHit, TwoLevel};
+use crate::verify::probe::Probe;
+use crate::verify::rays::{self, Ray};
+use crate::verify::seams::Aimed;
+
+/// How far corners are from where the input has them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct PositionErrors {
+    /// Largest distance, over the diagonal of the scene's box.
+    pub(super) ratio: f64,
+    /// Largest distance over the diagonal of the corner's own object, of the objects that are not points.
+    pub(super) object_ratio: f64,
+}
+
+/// Errors of what rays hit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct RayErrors {
+    /// Largest error of a distance, relative to the true one.
+    pub(super) largest: f64,
+    /// What one error in a thousand exceeds.
+    pub(super) p999: f64,
+    pub(super) rms: f64,
+    /// Rays that hit another triangle far from the true hit, or that hit in only one of the two, per million.
+    pub(super) far_per_million: f64,
+    /// Rays aimed at closed edges and vertices that pass through, per million; `None` if nothing is closed.
+    pub(super) lost_per_million: Option<f64>,
+}
+
+/// The rays of a scene and what they truly hit.
+pub(super) struct Truth {
+    rays: Vec<Ray>,
+    /// For each ray the triangle and the distance.
+    hits: Vec<Option<(TriangleRef, f64)>>,
+    /// Half the diagonal of the scene's box.
+    radius: f64,
+    aimed: Aimed,
+}
+
+impl Truth {
+    /// Generates rays of all kinds and aims as many at each class of seams; `displacement` is the largest distance by
+    /// which any layout moves a corner, in world units.
+    pub(super) fn new(scene: &Scene, trees: &TwoLevel, displacement: f64, options: &VerifyOptions) -> Truth {
+        let reference = Reference::new(trees);
+        let rays = rays::generate(scene, &reference, options.rays_per_kind as usize, options.seed);
+        let radius = rays.radius;
+        let rays: Vec<Ray> = rays.kinds.values().flatten().copied().collect();
+        let exact = |(hit, ray): (Option<TrueHit>, &Ray)| hit.map(|hit| (hit.at, exact(scene, ray, &hit)));
+        let hits = reference.closest(&rays).into_par_iter().zip(&rays).map(exact).collect();
+        Truth { rays, hits, radius, aimed: Aimed::new(scene, None, displacement, options) }
+    }
+
+    /// Traces the rays through a layout's stored scene.
+    ///
+    /// # Errors
+    /// Those of the tracer.
+    pub(super) fn errors(&self, probe: &dyn Probe, layout: &Layout) -> Result<RayErrors, String> {
+        let found = probe.closest(&self.rays)?;
+        let (mut errors, mut far) = (Vec::new(), 0u64);
+        for (hit, truth) in found.iter().zip(&self.hits) {
+            match (hit, truth) {
+                (None, None) => {}
+                (Some(hit), Some((at, t))) => {
+                    let is_same = || shown(layout, hit.at) == *at;
+                    match (hit.t - t).abs() {
+                        off if off <= FAR_RATIO * self.radius || is_same() => {
+                            errors.push(off / t.max(NEAR_RATIO * self.radius));
+                        }
+                        _ => far += 1,
+                    }
+                }
+                _ => far += 1,
+            }
+        }
+        let lost = probe.occluded(&self.aimed.rays)?.iter().filter(|hit| !**hit).count();
+        let per_million = |count: f64, of: usize| if of == 0 { 0.0 } else { 1e6 * count / of as f64 };
+        errors.sort_by(f64::total_cmp);
+        Ok(RayErrors {
+            largest: errors.last().copied().unwrap_or_default(),
+            p999: quantile(&errors, 0.999),
+            rms: root_mean_square(&errors),
+            far_per_million: per_million(far as f64, self.rays.len()),
+            lost_per_million: (!self.aimed.rays.is_empty()).then(|| per_million(lost as f64, self.aimed.rays.len())),
+        })
+    }
+}
+
+/// Returns the distance to the exact triangle of a hit; that of the hit if rounding takes the ray past it.
+fn exact(scene: &Scene, ray: &Ray, hit: &TrueHit) -> f64 {
+    let approach = Approach::new(ray, &scene.world_corners(hit.at));
+    if approach.through { approach.distance / ray.direction.as_dvec3().length() } else { hit.t }
+}
+
+/// Returns the smallest of sorted numbers that at most the given share of them does not exceed; 0 for none.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let place = (share * sorted.len() as f64).ceil() as usize;
+    sorted.get(place.clamp(1, sorted.len().max(1)) - 1).copied().unwrap_or_default()
+}
+
+fn root_mean_square(errors: &[f64]) -> f64 {
+    // Relative to the largest, so that squares neither overflow nor vanish.
+    let largest = errors.iter().copied().fold(0.0, f64::max);
+    if largest == 0.0 {
+        return 0.0;
+    }
+    let squares: f64 = errors.iter().map(|error| (error / largest).powi(2)).sum();
+    largest * (squares / errors.len() as f64).sqrt()
+}
+
+/// The box and the largest error of each object.
+type OfObjects = Vec<(Bounds, f64)>;
+
+/// Compares all corners of a layout's stored scene with those of the input.
+pub(super) fn position_errors(scene: &Scene, layout: &Layout, stored: &Scene) -> PositionErrors {
+    let firsts = first_objects(scene);
+    let object = |at: TriangleRef| {
+        let (geometry, _) = scene.mesh_of(InstanceId(at.instance)).locate(at.triangle);
+        firsts[at.instance as usize] + geometry
+    };
+    let mut of_objects: OfObjects = vec![(Bounds::EMPTY, 0.0); firsts.last().copied().unwrap_or(0)];
+    for instance in 0..stored.instances.len() as u32 {
+        for triangle in 0..stored.mesh_of(InstanceId(instance)).triangle_count() as u32 {
+            let at = TriangleRef { instance, triangle };
+            let source = shown(layout, at);
+            let exact = scene.world_corners(source);
+            let off = exact.iter().zip(traced_corners(stored, at)).map(|(a, b)| a.distance(b)).fold(0.0, f64::max);
+            let (bounds, error) = &mut of_objects[object(source)];
+            (*bounds, *error) = (bounds.union(&Bounds::of(exact)), error.max(off));
+        }
+    }
+    let ratio = |error: f64, size: f64| if error == 0.0 || size == 0.0 { 0.0 } else { error / size };
+    let largest = of_objects.iter().map(|(_, error)| *error).fold(0.0, f64::max);
+    PositionErrors {
+        ratio: ratio(largest, scene.bounds().diagonal()),
+        object_ratio: of_objects.iter().map(|(bounds, error)| ratio(*error, bounds.diagonal())).fold(0.0, f64::max),
+    }
+}
+
+/// Returns the corners that a tracer sees, in world coordinates: as rounded in the file.
+fn traced_corners(stored: &Scene, at: TriangleRef) -> [DVec3; 3] {
+    let instance = &stored.instances[at.instance as usize];
+    let corners = stored.mesh_of(InstanceId(at.instance)).corners(at.triangle);
+    let [a, b, c] = corners.map(|p| instance.transform.transform_point3(p.as_dvec3()));
+    if instance.mirrored() { [a, c, b] } else { [a, b, c] }
+}
+
+/// Returns the number of objects before each instance, and of all.
+fn first_objects(scene: &Scene) -> Vec<usize> {
+    let mut firsts = vec![0];
+    for instance in &scene.instances {
+        let before = firsts[firsts.len() - 1];
+        firsts.push(before + scene.meshes[instance.mesh.0 as usize].geometries.len());
+    }
+    firsts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::placed::{Generated, Placement};
+    use super::*;
+    use crate::layout;
+    use crate::methods::{self, Method};
+    use crate::verify::cpu::{ComputingTracer, Precision};
+
+    #[test]
+    fn quantiles_are_those_of_the_sorted_numbers() {
+        let numbers: Vec<f64> = (1..=1000).map(f64::from).collect();
+        assert_eq!([quantile(&numbers, 0.999), quantile(&numbers, 1.0), quantile(&numbers, 0.0)], [999.0, 1000.0, 1.0]);
+        assert_eq!((quantile(&[], 0.5), root_mean_square(&[])), (0.0, 0.0));
+        assert!((root_mean_square(&[3e-200, 4e-200]) - 12.5f64.sqrt() * 1e-200).abs() < 1e-210);
+    }
+
+    /// The errors of a method with the torus placed somewhere, by each arithmetic.
+    fn errors(placement: Placement, method: Method) -> [RayErrors; 4] {
+        let scene = placement.place(&Generated::Torus.scene());
+        let options = VerifyOptions { rays_per_kind: 1024, ..VerifyOptions::default() };
+        let mut laid = methods::run(method, &scene, &methods::Options::default());
+        layout::order_by_tree(&scene, &mut laid);
+        let stored = layout::stored(&scene, &laid);
+        let displacement = position_errors(&scene, &laid, &stored).ratio * scene.bounds().diagonal();
+        let truth = Truth::new(&scene, &TwoLevel::build(&scene), displacement, &options);
+        let trees = TwoLevel::build(&stored);
+        Precision::ALL.map(|precision| {
+            truth.errors(&ComputingTracer::new(&trees, precision), &laid).expect("the CPU does not fail")
+        })
+    }
+
+    #[test]
+    fn more_digits_are_nearer_to_the_truth() {
+        let [fast, watertight, recentred, double] = errors(Placement::AsIs, Method::Keep);
+        assert!(watertight.p999 < 1e-3 && recentred.p999 < 1e-3 && fast.p999 < 1e-3, "{fast:?} {watertight:?}");
+        assert!(double.largest < 1e-9, "{double:?}");
+        assert_eq!([watertight.lost_per_million, double.lost_per_million], [Some(0.0); 2]);
+        assert!(fast.lost_per_million > Some(0.0), "{fast:?}");
+    }
+
+    #[test]
+    fn recentring_opens_no_seams_inside_a_group() {
+        let [_, _, recentred, _] = errors(Placement::AsIs, Method::Single);
+        assert_eq!(recentred.lost_per_million, Some(0.0));
+    }
+
+    #[test]
+    fn far_away_recentring_keeps_the_distance() {
+        let [_, watertight, recentred, double] = errors(Placement::Far, Method::Keep);
+        assert!(recentred.p999 < 1e-5 && double.largest < 1e-7, "{recentred:?} {double:?}");
+        assert!(watertight.p999 > 10.0 * recentred.p999, "{watertight:?} {recentred:?}");
+    }
+
+    #[test]
+    fn position_errors_are_those_of_the_stored_corners() {
+        let scene = Generated::Torus.scene();
+        let of = |method| {
+            let layout = methods::run(method, &scene, &methods::Options::default());
+            position_errors(&scene, &layout, &layout::stored(&scene, &layout))
+        };
+        assert_eq!(of(Method::Keep), PositionErrors::default());
+        let turned = Placement::Far.place(&scene);
+        let layout = methods::run(Method::Single, &turned, &methods::Options::default());
+        let stored = layout::stored(&turned, &layout);
+        let found = position_errors(&turned, &layout, &stored);
+        assert!(found.ratio > 0.0 && found.ratio < 1e-3 && found.object_ratio > found.ratio, "{found:?}");
+    }
+}

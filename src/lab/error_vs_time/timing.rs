@@ -1,0 +1,72 @@
+//! Times tracers of one layout in turns with the input, so that rows of layouts that are traced minutes apart compare.
+//!
+//! Each round times the input first and last; the ratio of a tracer to the mean of both cancels a drift of the machine's
+//! speed, as in [`crate::verify::speed`]. The median ratio times the input's own time, which is measured once, is the
+//! time of the tracer.
+
+use crate::verify::PerKind;
+use crate::verify::probe::Probe;
+use crate::verify::rays::{Ray, RayKind};
+use crate::verify::speed::median;
+use crate::verify::weights::Weights;
+
+/// The input as its tracers are timed with.
+pub(super) struct Pace<'a> {
+    probe: Box<dyn Probe + 'a>,
+    rays: PerKind<Vec<Ray>>,
+    /// Seconds of each kind through the input.
+    seconds: PerKind<f64>,
+    repeats: u32,
+}
+
+impl<'a> Pace<'a> {
+    /// Times the input.
+    ///
+    /// # Errors
+    /// Those of the tracer.
+    pub(super) fn new(probe: Box<dyn Probe + 'a>, rays: PerKind<Vec<Ray>>, repeats: u32) -> Result<Self, String> {
+        let seconds = PerKind::try_of(|kind| {
+            seconds(probe.as_ref(), kind, &rays[kind])?;
+            let times: Result<Vec<f64>, String> =
+                (0..repeats.max(1)).map(|_| seconds(probe.as_ref(), kind, &rays[kind])).collect();
+            times.map(|times| median(&times))
+        })?;
+        Ok(Pace { probe, rays, seconds, repeats: repeats.max(1) })
+    }
+
+    /// Returns the nanoseconds per ray of each tracer, weighted over the kinds.
+    ///
+    /// # Errors
+    /// Those of the tracers.
+    pub(super) fn nanoseconds(&self, probes: &[&dyn Probe], weights: &Weights) -> Result<Vec<f64>, String> {
+        let kinds = PerKind::try_of(|kind| self.of_kind(kind, probes))?;
+        let of_probe = |i: usize| weights.mean(&kinds.each_ref().map(|times| times[i]));
+        Ok((0..probes.len()).map(of_probe).collect())
+    }
+
+    fn of_kind(&self, kind: RayKind, probes: &[&dyn Probe]) -> Result<Vec<f64>, String> {
+        let rays = &self.rays[kind];
+        if rays.is_empty() {
+            return Ok(vec![0.0; probes.len()]);
+        }
+        let mut ratios = vec![Vec::new(); probes.len()];
+        for probe in probes {
+            seconds(*probe, kind, rays)?;
+        }
+        let mut before = seconds(self.probe.as_ref(), kind, rays)?;
+        for _ in 0..self.repeats {
+            let times: Result<Vec<f64>, String> = probes.iter().map(|probe| seconds(*probe, kind, rays)).collect();
+            let after = seconds(self.probe.as_ref(), kind, rays)?;
+            let around = 0.5 * (before + after);
+            ratios.iter_mut().zip(times?).for_each(|(ratios, time)| ratios.push(time / around));
+            before = after;
+        }
+        let nanoseconds = 1e9 * self.seconds[kind] / rays.len() as f64;
+        Ok(ratios.iter().map(|ratios| median(ratios) * nanoseconds).collect())
+    }
+}
+
+/// Returns the seconds a tracer takes; a clock that did not advance counts as one nanosecond.
+fn seconds(probe: &dyn Probe, kind: RayKind, rays: &[Ray]) -> Result<f64, String> {
+    Ok(if rays.is_empty() { 0.0 } else { probe.seconds(kind, rays)?.max(1e-9) })
+}
