@@ -16,6 +16,7 @@
 //!   part undivided: in the middle branch, all of it merges with the other object's part inside the overlap. A pair of
 //!   two such objects is skipped unless they merge.
 //! - An object with all or none of its triangles inside the overlap is split in the middle, and nothing of it merges.
+//! - More than [`FEW_OBJECTS`] bodies with the same box merge in one round.
 //! - The layout of the round with the least overlap wins, but only if it lowers that of the input (whose instances may
 //!   hold several objects each), so the overlap of a scene never increases.
 //!
@@ -24,6 +25,7 @@
 //! no part: the box of a sky dome overlaps everything, and cutting objects where it does separates nothing.
 
 use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::cost::overlap;
 use crate::layout::builder::Builder;
@@ -125,6 +127,9 @@ impl<'a> Reduction<'a> {
 
     /// Makes one pass through the queue; returns whether anything changed.
     fn round(&mut self, overlap_ratio: f64) -> bool {
+        if self.merge_crowds() {
+            return true;
+        }
         let mut dirty = vec![false; self.live.len()];
         let mut successors = Vec::new();
         for Task { places, area } in self.queue(overlap_ratio) {
@@ -140,6 +145,27 @@ impl<'a> Reduction<'a> {
         self.live.retain(|_| place.next().is_some_and(|place| !dirty[place]));
         self.live.extend(&successors);
         !successors.is_empty()
+    }
+
+    /// Merges bodies whose boxes are equal, if these are more than a queue can hold all pairs of; returns whether there
+    /// were any. In the queue they would merge two by two, a few thousand per round.
+    fn merge_crowds(&mut self) -> bool {
+        if self.live.len() <= FEW_OBJECTS || self.options.split_or_merge_ratio > 1.0 {
+            return false;
+        }
+        let mut crowds: FxHashMap<[[u64; 3]; 2], Vec<usize>> = FxHashMap::default();
+        for &body in self.live.iter().filter(|&&body| !self.bodies[body].apart && self.bodies[body].bounds.area() > 0.0)
+        {
+            let Bounds { min, max } = self.bodies[body].bounds;
+            crowds.entry([min, max].map(|p| p.to_array().map(f64::to_bits))).or_default().push(body);
+        }
+        let mut crowds: Vec<Vec<usize>> = crowds.into_values().filter(|crowd| crowd.len() > FEW_OBJECTS).collect();
+        crowds.sort_unstable();
+        let merged: Vec<usize> = crowds.iter().map(|crowd| self.merge(crowd)).collect();
+        let gone: FxHashSet<usize> = crowds.into_iter().flatten().collect();
+        self.live.retain(|body| !gone.contains(body));
+        self.live.extend(&merged);
+        !merged.is_empty()
     }
 
     /// Returns the pairs that overlap enough, largest overlap first, ties in the order of the bodies.
@@ -167,7 +193,7 @@ impl<'a> Reduction<'a> {
         let [a, b] = pair.map(|body| self.bodies[body].bounds);
         let pair_overlap_ratio = area / a.union(&b).area();
         if pair_overlap_ratio >= self.options.split_or_merge_ratio {
-            Some(vec![self.merge(pair)])
+            Some(vec![self.merge(&pair)])
         } else if pair_overlap_ratio < self.options.split_ratio {
             self.split_both(pair)
         } else {
@@ -189,17 +215,17 @@ impl<'a> Reduction<'a> {
             return None;
         }
         let inside = match (a.inside, b.inside) {
-            (Some(a), Some(b)) => vec![self.merge([a, b])],
+            (Some(a), Some(b)) => vec![self.merge(&[a, b])],
             (a, b) => a.into_iter().chain(b).collect(),
         };
         Some([inside, a.outside, b.outside].concat())
     }
 
-    /// Joins two bodies into a mesh group.
-    fn merge(&mut self, pair: [usize; 2]) -> usize {
-        let [a, b] = pair.map(|body| self.baked_bounds(body));
-        let pieces = pair.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
-        self.push(Body { pieces, bounds: a.union(&b), divisible: false, apart: false })
+    /// Joins bodies into a mesh group.
+    fn merge(&mut self, bodies: &[usize]) -> usize {
+        let bounds = bodies.iter().map(|&body| self.baked_bounds(body)).reduce(|a, b| a.union(&b));
+        let pieces = bodies.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
+        self.push(Body { pieces, bounds: bounds.unwrap_or(Bounds::EMPTY), divisible: false, apart: false })
     }
 
     /// Returns the box of a body once it cannot stay as it is in the input.
@@ -454,6 +480,19 @@ mod tests {
         let scene = builder.scene();
         let layout = checked(&scene, &OverlapOptions::default());
         assert!(layout.groups.len() < 100, "{} groups", layout.groups.len());
+    }
+
+    #[test]
+    fn a_crowd_in_one_place_merges_at_once() {
+        let mut builder = SceneBuilder::default();
+        let mesh = builder.mesh("mesh", vec![(0, row(Vec3::ZERO, 1))]);
+        for _ in 0..3 * FEW_OBJECTS {
+            builder.place(mesh, "node", DAffine3::IDENTITY);
+        }
+        builder.place(mesh, "beside", at(5.0, 0.0, 0.0));
+        let scene = builder.scene();
+        let layout = checked(&scene, &OverlapOptions::default());
+        assert_eq!(group_sizes(&scene, &layout), [1, 3 * FEW_OBJECTS]);
     }
 
     #[test]

@@ -198,7 +198,7 @@ pub struct TriangleRef {
 impl Mesh {
     /// Returns the number of triangles in all geometries.
     pub fn triangle_count(&self) -> usize {
-        self.geometries.iter().map(|g| g.triangles.len()).sum()
+        self.geometries.last().map_or(0, |last| last.first_triangle as usize + last.triangles.len())
     }
 
     /// Returns the box around its triangles in mesh coordinates; computed once.

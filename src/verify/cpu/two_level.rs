@@ -4,11 +4,11 @@
 //! keeps products of coordinates of 1e30 or 1e-30 within the range of single precision.
 
 use std::borrow::Cow;
-use std::hash::BuildHasher;
+use std::hash::{BuildHasher, Hash, Hasher};
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
-use rustc_hash::{FxBuildHasher, FxHashSet};
+use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet, FxHasher};
 
 use super::boxes::{BoxNode, boxed};
 use crate::cost::mesh_trees::MeshTrees;
@@ -202,19 +202,52 @@ impl Entry {
     }
 }
 
-/// Returns the instances of a scene, in order, except those that place the mesh of an earlier one by a transform equal
-/// bit for bit: the earlier one is hit at the same place and wins the tie. A hundred thousand instances in one place
-/// would otherwise all be tested by every ray that meets them.
+/// Returns the instances of a scene, in order, except those that place the mesh of an earlier one, or an equal mesh, by
+/// a transform equal bit for bit: the earlier one is hit at the same place and wins the tie. A hundred thousand
+/// instances in one place would otherwise all be tested by every ray that meets them.
 fn distinct_instances(scene: &Scene) -> Vec<usize> {
     let mut seen = FxHashSet::default();
-    let key = |i: &Instance| (i.mesh, i.transform.to_cols_array().map(f64::to_bits));
+    let equal = first_equal(scene);
+    let key = |i: &Instance| (equal[i.mesh.0 as usize], i.transform.to_cols_array().map(f64::to_bits));
     (0..scene.instances.len()).filter(|&i| seen.insert(key(&scene.instances[i]))).collect()
+}
+
+/// Returns for each mesh the first one that rays cannot tell from it.
+fn first_equal(scene: &Scene) -> Vec<usize> {
+    let hash = |mesh: &Mesh| {
+        let mut hasher = FxHasher::default();
+        (0..mesh.triangle_count() as u32).for_each(|t| bits(mesh.corners(t)).hash(&mut hasher));
+        hasher.finish()
+    };
+    let hashes: Vec<u64> = scene.meshes.par_iter().map(hash).collect();
+    let mut firsts = FxHashMap::default();
+    let first = |(number, hash): (usize, u64)| {
+        let first = *firsts.entry(hash).or_insert(number);
+        // Meshes whose hashes collide stay: an unnecessary test changes nothing.
+        if are_equal(&scene.meshes[first], &scene.meshes[number]) { first } else { number }
+    };
+    hashes.into_iter().enumerate().map(first).collect()
+}
+
+/// Whether rays pass and hit two meshes alike: the same triangles in the same order, and the same opacity.
+fn are_equal(a: &Mesh, b: &Mesh) -> bool {
+    let corners = |g: &Geometry, t: usize| bits(g.corners(t));
+    let alike = |(a, b): (&Geometry, &Geometry)| {
+        let count = a.triangles.len();
+        let same_tests = a.opacity == b.opacity && a.alpha == b.alpha && count == b.triangles.len();
+        same_tests && (0..count).all(|t| corners(a, t) == corners(b, t))
+    };
+    a.geometries.len() == b.geometries.len() && a.geometries.iter().zip(&b.geometries).all(alike)
+}
+
+fn bits(corners: [Vec3; 3]) -> [[u32; 3]; 3] {
+    corners.map(|p| p.to_array().map(f32::to_bits))
 }
 
 /// Returns the triangles of a mesh, in order, except those whose corners equal, bit for bit and in order, those of an
 /// earlier triangle of the same geometry, which is hit at the same place and wins the tie.
 fn distinct(mesh: &Mesh) -> Vec<u32> {
-    let key = |t: u32| (mesh.locate(t).0, mesh.corners(t).map(|p| p.to_array().map(f32::to_bits)));
+    let key = |t: u32| (mesh.locate(t).0, bits(mesh.corners(t)));
     let hash = |t: u32| FxBuildHasher.hash_one(key(t));
     let mut hashed: Vec<(u64, u32)> =
         (0..mesh.triangle_count() as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(|t| (hash(t), t)).collect();
@@ -260,6 +293,7 @@ fn unit_scale(largest: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Opacity;
     use crate::verify::test_scenes::{mesh, scene};
 
     #[test]
@@ -287,12 +321,16 @@ mod tests {
     }
 
     #[test]
-    fn equal_instances_of_one_mesh_count_once() {
-        let mesh = |source| mesh(source, vec![(None, vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]])]);
+    fn equal_instances_of_equal_meshes_count_once() {
+        let mesh = |source, y| mesh(source, vec![(None, vec![Vec3::ZERO, Vec3::X, y], vec![[0, 1, 2]])]);
+        let meshes = vec![mesh(0, Vec3::Y), mesh(1, Vec3::Y), mesh(2, Vec3::Z), mesh(3, Vec3::Y)];
         let at = |mesh, x: f64| (mesh, DAffine3::from_translation(DVec3::X * x));
-        let scene = scene(vec![mesh(0), mesh(1)], &[at(0, 0.0), at(1, 0.0), at(0, 0.0), at(0, 1.0), at(1, 0.0)]);
-        assert_eq!(distinct_instances(&scene), [0, 1, 3]);
+        let places = [at(0, 0.0), at(1, 0.0), at(0, 0.0), at(0, 1.0), at(1, 0.0), at(2, 0.0), at(3, 0.0)];
+        let mut scene = scene(meshes, &places);
+        assert_eq!(distinct_instances(&scene), [0, 3, 5]);
         assert_eq!(TwoLevel::build(&scene).entries.len(), 3);
+        scene.meshes[3].geometries[0].opacity = Opacity::Blend;
+        assert_eq!(distinct_instances(&scene), [0, 3, 5, 6], "rays tell another opacity");
     }
 
     #[test]
