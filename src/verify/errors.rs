@@ -46,7 +46,7 @@ const IN_AN_OCTAVE: usize = 8;
 const OCTAVES: usize = 64;
 
 /// Returns the number that 99.9 % of the numbers do not exceed; 0 if there are none.
-pub(super) fn percentile_999(mut numbers: Vec<f64>) -> f64 {
+pub(crate) fn percentile_999(mut numbers: Vec<f64>) -> f64 {
     numbers.sort_unstable_by(f64::total_cmp);
     let at = (numbers.len() * 999).div_ceil(1000);
     numbers.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
