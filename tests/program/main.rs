@@ -16,6 +16,8 @@ mod device_hits;
 mod devices;
 #[cfg(target_os = "linux")]
 mod endings;
+#[cfg(feature = "lab")]
+mod extreme;
 mod far_from_origin;
 mod faults;
 mod finite;

@@ -8,15 +8,15 @@ use super::{Case, Outcome};
 use crate::verify::random::Random;
 
 pub(super) const CASES: &[Case] = &[
-    Case::new("slivers", "triangles 1e7 times as long as wide", Outcome::Bounded, slivers),
-    Case::new("zero-area", "triangles with two corners in one place", Outcome::Bounded, |file, random| {
+    Case::new("slivers", "triangles 1e7 times as long as wide", Outcome::Exact, slivers),
+    Case::new("zero-area", "triangles with two corners in one place", Outcome::Exact, |file, random| {
         with_flat(file, random, |p, u, _| [p, p + u, p + u])
     }),
-    Case::new("collinear", "triangles with all corners on one line", Outcome::Bounded, |file, random| {
+    Case::new("collinear", "triangles with all corners on one line", Outcome::Exact, |file, random| {
         with_flat(file, random, |p, u, _| [p, p + u, p + 0.5 * u])
     }),
-    Case::new("repeated-index", "triangles that use a vertex twice", Outcome::Bounded, repeated_index),
-    Case::new("one-plane", "all triangles in one plane", Outcome::Bounded, one_plane),
+    Case::new("repeated-index", "triangles that use a vertex twice", Outcome::Exact, repeated_index),
+    Case::new("one-plane", "all triangles in one plane", Outcome::Exact, one_plane),
     Case::new("copies-of-one-triangle", "100,000 times the same triangle", Outcome::Exact, |file, _| {
         copies(file, 100_000)
     }),
@@ -24,8 +24,8 @@ pub(super) const CASES: &[Case] = &[
         copies(file, 1_000_000)
     })
     .large(),
-    Case::new("through-one-point", "20,000 triangles through one point", Outcome::Bounded, |file, random| {
-        through_one_point(file, random, 20_000)
+    Case::new("through-one-point", "300 triangles through one point", Outcome::Bounded, |file, random| {
+        through_one_point(file, random, 300)
     }),
     Case::new(
         "a-million-through-one-point",
@@ -34,14 +34,14 @@ pub(super) const CASES: &[Case] = &[
         |file, random| through_one_point(file, random, 1_000_000),
     )
     .large(),
-    Case::new("nested-shells", "40 spheres, one within the other", Outcome::Bounded, nested_shells),
+    Case::new("nested-shells", "12 spheres, one within the other", Outcome::Exact, nested_shells),
     Case::new("as-large-as-the-scene", "one triangle as large as the scene", Outcome::Bounded, large_triangle),
     Case::new("one-large-object", "one object of 20 million triangles", Outcome::Bounded, one_large_object).large(),
 ];
 
 fn slivers(file: &mut File, random: &mut Random) {
     let mut shape = Shape::default();
-    for _ in 0..2000 {
+    for _ in 0..300 {
         let (middle, along) = (random.direction(), random.direction());
         let across = along.any_orthonormal_vector() * 1e-7;
         shape.positions.extend([middle, middle + along, middle + 0.5 * along + across]);
@@ -54,7 +54,7 @@ fn slivers(file: &mut File, random: &mut Random) {
 /// Boxes, and between them triangles that `make` makes of a corner and two edges.
 fn with_flat(file: &mut File, random: &mut Random, make: fn(DVec3, DVec3, DVec3) -> [DVec3; 3]) {
     let mut flat = Shape::default();
-    for _ in 0..500 {
+    for _ in 0..100 {
         let corners = make(4.0 * random.direction(), random.direction(), random.direction());
         flat.positions.extend(corners);
     }
@@ -98,7 +98,7 @@ fn through_one_point(file: &mut File, random: &mut Random, count: u32) {
 }
 
 fn nested_shells(file: &mut File, _: &mut Random) {
-    let shells: Vec<Shape> = (1..=40).map(|i| ball(DVec3::ZERO, f64::from(i), 8)).collect();
+    let shells: Vec<Shape> = (1..=12).map(|i| ball(DVec3::ZERO, f64::from(i), 6)).collect();
     show_boxes(file, &shells);
 }
 
