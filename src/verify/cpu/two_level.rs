@@ -229,13 +229,14 @@ fn first_equal(scene: &Scene) -> Vec<usize> {
     hashes.into_iter().enumerate().map(first).collect()
 }
 
-/// Whether rays pass and hit two meshes alike: the same triangles in the same order, and the same opacity.
+/// Whether rays pass and hit two meshes alike, and see the same: the same triangles in the same order, with the same
+/// materials and opacity.
 fn are_equal(a: &Mesh, b: &Mesh) -> bool {
     let corners = |g: &Geometry, t: usize| bits(g.corners(t));
     let alike = |(a, b): (&Geometry, &Geometry)| {
         let count = a.triangles.len();
-        let same_tests = a.opacity == b.opacity && a.alpha == b.alpha && count == b.triangles.len();
-        same_tests && (0..count).all(|t| corners(a, t) == corners(b, t))
+        let same_look = a.material == b.material && a.opacity == b.opacity && a.alpha == b.alpha;
+        same_look && count == b.triangles.len() && (0..count).all(|t| corners(a, t) == corners(b, t))
     };
     a.geometries.len() == b.geometries.len() && a.geometries.iter().zip(&b.geometries).all(alike)
 }
