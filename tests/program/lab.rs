@@ -1,6 +1,6 @@
 //! Experiments: tables, fits and rejected configurations.
 
-use crate::common::{bake, folder_names, raykiln, samples, write};
+use crate::common::{assert_conforms, bake, folder_names, raykiln, samples, write};
 use raykiln::Weights;
 use raykiln::verify::PerKind;
 use raykiln::verify::rays::RayKind;
@@ -80,6 +80,7 @@ fn two_scenes_give_tables_and_prices() {
     }
     let fit: Value = serde_json::from_slice(&fs::read(tables.join("fit.json")).unwrap()).expect("JSON");
     assert_eq!((&fit["schema"], &fit["class"]), (&"raykiln.fit/1".into(), &"no-rt-cores".into()));
+    assert_conforms(&fit);
     assert_eq!(fit["layouts"], rows.len());
     for kind in fit["kinds"].as_array().expect("kinds") {
         let prices = kind["prices"].as_object().expect("prices");

@@ -11,4 +11,5 @@ pub(crate) use damage::Opened;
 pub(crate) use expect::{Bake, Number, Sample, samples};
 pub(crate) use files::{folder_names, glb, gltf, triangle, write};
 pub(crate) use program::{Ran, bake, methods, raykiln};
+pub(crate) use schema::assert_conforms;
 pub(crate) use surface::{Surface, json_of};
