@@ -1,6 +1,7 @@
 //! Experiments: tables, fits and rejected configurations.
 
-use crate::common::{assert_conforms, bake, folder_names, raykiln, samples, write};
+use crate::common::schema::assert_conforms;
+use crate::common::{bake, folder_names, raykiln, samples, write};
 use raykiln::Weights;
 use raykiln::verify::PerKind;
 use raykiln::verify::rays::RayKind;

@@ -4,12 +4,11 @@ mod damage;
 mod expect;
 mod files;
 mod program;
-mod schema;
+pub(crate) mod schema;
 mod surface;
 
 pub(crate) use damage::Opened;
 pub(crate) use expect::{Bake, Number, Sample, samples};
 pub(crate) use files::{folder_names, glb, gltf, triangle, write};
 pub(crate) use program::{Ran, bake, methods, raykiln};
-pub(crate) use schema::assert_conforms;
 pub(crate) use surface::{Surface, json_of};
