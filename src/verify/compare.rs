@@ -123,8 +123,8 @@ pub struct Comparison<'a> {
 
 /// A hit reported by a tracer, compared with the triangle it names.
 struct Claim {
-    /// The instance hit, of the tracer's scene.
-    instance: u32,
+    /// The triangle hit, of the tracer's scene.
+    at: TriangleRef,
     source: Option<TriangleRef>,
     material: Option<u32>,
     front: bool,
@@ -237,8 +237,8 @@ impl<'a> Comparison<'a> {
         let errors = claims.map(|claim| claim.as_ref().and_then(|claim| self.error(claim)));
         let after = doubt.after.as_ref();
         let off_plane = after.filter(|_| errors.after.is_some()).and_then(|claim| {
-            let off = self.after.off_plane(ray, claim.instance, claim.distance, &claim.truly?.0);
-            Some((self.after.mesh(claim.instance), off))
+            let off = self.after.off_plane(ray, claim.at, claim.distance, &claim.truly?.0);
+            Some((self.after.mesh(claim.at.instance), off))
         });
         let told = after.and_then(|claim| self.told(claim));
         let stream = SAMPLE_STREAM + kind as u64;
@@ -302,7 +302,7 @@ impl<'a> Comparison<'a> {
             (approach, side.slack(hit.instance, ray, &approach))
         });
         let distance = f64::from(hit.t) * length;
-        Claim { instance: hit.instance, source, material: material(side.scene, at), front: hit.front, distance, truly }
+        Claim { at, source, material: material(side.scene, at), front: hit.front, distance, truly }
     }
 
     /// Returns the largest slack that may excuse anything about a claim and the true hit, in world units: a share of the
@@ -465,14 +465,15 @@ impl<'a> View<'a> {
 
     /// Returns how far a hit of an instance at a distance lies off the plane of the triangle that the ray truly passes
     /// so, with its bound.
-    pub(super) fn off_plane(&self, ray: &Ray, instance: u32, distance: f64, truly: &Approach) -> OffPlane {
-        let of = &self.scene.instances[instance as usize];
-        let reach = self.scene.meshes[of.mesh.0 as usize].reach();
+    pub(super) fn off_plane(&self, ray: &Ray, at: TriangleRef, distance: f64, truly: &Approach) -> OffPlane {
+        let of = &self.scene.instances[at.instance as usize];
+        let mesh = &self.scene.meshes[of.mesh.0 as usize];
+        let triangle = mesh.corners(at.triangle).map(|p| p.as_dvec3());
         let ahead = ray.direction.as_dvec3().normalize();
         let way = [ray.origin.as_dvec3(), distance * ahead];
-        let bound = rounding::displacement(&of.transform, reach, truly.normal, way);
+        let bound = rounding::displacement(&of.transform, mesh.reach(), triangle, truly.normal, way);
         let off = (distance - truly.distance).abs() * truly.normal.dot(ahead).abs();
-        OffPlane::of_hit(off, bound + self.position_errors[instance as usize])
+        OffPlane::of_hit(off, bound + self.position_errors[at.instance as usize])
     }
 
     /// Returns the instances that no ray can tell from what is beside them, unless it starts near them: those for which

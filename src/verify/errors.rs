@@ -156,13 +156,15 @@ fn upper_end(class: usize) -> f64 {
 pub(super) struct OffPlane {
     hits: u64,
     largest: f64,
-    /// The largest bound of these hits.
+    /// The bound of the hit with the largest error.
     bound: f64,
+    /// The largest error over its bound.
+    share: f64,
 }
 
 impl OffPlane {
     pub(super) fn of_hit(off: f64, bound: f64) -> OffPlane {
-        OffPlane { hits: 1, largest: off, bound }
+        OffPlane { hits: 1, largest: off, bound, share: if off > 0.0 { off / bound } else { 0.0 } }
     }
 }
 
@@ -174,8 +176,11 @@ impl OffPlanes {
     pub(super) fn record(&mut self, mesh: u32, of: OffPlane) {
         let all = self.0.entry(mesh).or_default();
         all.hits += of.hits;
-        all.largest = all.largest.max(of.largest);
-        all.bound = all.bound.max(of.bound);
+        // The larger bound of equal errors, so that the order does not matter.
+        if (of.largest, of.bound) > (all.largest, all.bound) {
+            (all.largest, all.bound) = (of.largest, of.bound);
+        }
+        all.share = all.share.max(of.share);
     }
 
     pub(super) fn add(&mut self, other: OffPlanes) {
@@ -220,8 +225,10 @@ pub struct GroupErrors {
     pub hits: u64,
     /// The largest distance of a reported hit from the plane of the triangle hit.
     pub hit_error: f64,
-    /// The largest bound of these hits.
+    /// The bound of the hit with that distance.
     pub hit_error_bound: f64,
+    /// The largest such distance over its bound, at most 1.
+    pub largest_share_of_bound: f64,
 }
 
 /// Errors of positions and hits.
@@ -231,7 +238,7 @@ pub struct ErrorReport {
     pub position: Option<ErrorSizes>,
     /// Of the distances to the hits.
     pub distance: Sides<ErrorSizes>,
-    /// The groups of the output whose hits may be off farthest for their size, at most 16.
+    /// The groups of the output with hits that may be off farthest for their size, at most 16.
     pub worst_groups: Vec<GroupErrors>,
 }
 
@@ -280,6 +287,7 @@ fn worst_groups(after: &Scene, structure: Option<&Structure>, off: &OffPlanes, a
             hits: of.hits,
             hit_error: of.largest,
             hit_error_bound: of.bound.min(f64::MAX),
+            largest_share_of_bound: of.share,
         }
     };
     worst.into_iter().map(of_group).collect()

@@ -22,17 +22,35 @@ const OF_WAY: f64 = 15.0;
 /// Roundings of the corners: one of the difference, twice three of the shear, twice three of the weights.
 const OF_CORNERS: f64 = 13.0;
 
+/// Roundings of the products in the weights, as multiples of the longest side squared over the height.
+const OF_WEIGHTS: f64 = 12.0;
+
 /// Returns how far a hit found in single precision may lie off the plane of its triangle, in world units: `normal` is
-/// that of the triangle, `corner` the largest coordinates of the mesh; the ray goes from `origin` by `way`. Infinite if
-/// the transform has no inverse.
-pub fn displacement(to_world: &DAffine3, corner: DVec3, normal: DVec3, [origin, way]: [DVec3; 2]) -> f64 {
+/// that of the triangle, `triangle` its corners in coordinates of the mesh, `reach` the largest coordinates of the mesh; the
+/// ray goes from `origin` by `way`. Infinite if the transform has no inverse or the triangle no area.
+pub fn displacement(
+    to_world: &DAffine3,
+    reach: DVec3,
+    triangle: [DVec3; 3],
+    normal: DVec3,
+    [origin, way]: [DVec3; 2],
+) -> f64 {
     let to_mesh = to_world.inverse();
     let into = absolute(&to_mesh.matrix3);
     let start = into * origin.abs() + to_mesh.translation.abs();
-    let rounded = OF_ORIGIN * start + OF_WAY * (into * way.abs()) + OF_CORNERS * corner;
+    let rounded = OF_ORIGIN * start + OF_WAY * (into * way.abs()) + OF_CORNERS * reach;
     let error = SINGLE * rounded + SMALLEST * (OF_ORIGIN + OF_WAY + OF_CORNERS);
-    let along = (to_world.matrix3.transpose() * normal).abs().dot(error);
+    let across = to_world.matrix3.transpose() * normal;
+    let along = across.abs().dot(error) + across.length() * SINGLE * OF_WEIGHTS * slenderness(triangle);
     if along.is_nan() { f64::INFINITY } else { along }
+}
+
+/// Returns the square of the longest side of a triangle over its height.
+fn slenderness([a, b, c]: [DVec3; 3]) -> f64 {
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    // Scaled, so that products do not leave the range of numbers.
+    let double_area = ((b - a) / longest).cross((c - a) / longest).length();
+    longest / double_area
 }
 
 /// The largest numbers that occur when a ray is transformed into the coordinates of a mesh: every rounding moves the
@@ -135,7 +153,8 @@ mod tests {
             let hit = hit?;
             let truly = Approach::new(ray, &corners(hit.triangle));
             let way = f64::from(hit.t) * ray.direction.as_dvec3();
-            let bound = displacement(&transform, DVec3::ONE, truly.normal, [ray.origin.as_dvec3(), way]);
+            let triangle = scene.meshes[0].corners(hit.triangle).map(|p| p.as_dvec3());
+            let bound = displacement(&transform, DVec3::ONE, triangle, truly.normal, [ray.origin.as_dvec3(), way]);
             let ahead = ray.direction.as_dvec3().normalize();
             truly.through.then(|| (way.length() - truly.distance).abs() * truly.normal.dot(ahead).abs() / bound)
         };

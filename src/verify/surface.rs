@@ -30,8 +30,8 @@ pub(super) struct Surfaces<'a> {
 /// A hit reported by one side's tracer; lengths are in world units.
 #[derive(Clone, Copy)]
 struct Claim {
-    /// The instance hit, of the tracer's scene.
-    instance: u32,
+    /// The triangle hit, of the tracer's scene.
+    at: TriangleRef,
     /// How the ray passes the hit triangle, in its own file.
     own: Approach,
     distance: f64,
@@ -139,7 +139,7 @@ impl<'a> Surfaces<'a> {
 
     /// Returns the largest slack that may excuse anything about a claim and a triangle of the input, in world units.
     fn excusable(&self, side: Side, claim: &Claim, truth: &Truth) -> f64 {
-        self.sides[side].excusable(claim.instance).min(self.sides.before.excusable(truth.object))
+        self.sides[side].excusable(claim.at.instance).min(self.sides.before.excusable(truth.object))
     }
 
     /// Records what a claim that shows a triangle of the input tells.
@@ -159,10 +159,9 @@ impl<'a> Surfaces<'a> {
             Side::After => {
                 tally.after.record(errors);
                 let of = &self.sides.after;
-                tally.off_planes.record(
-                    of.mesh(claim.instance),
-                    of.off_plane(ray, claim.instance, claim.distance, &truth.approach),
-                );
+                tally
+                    .off_planes
+                    .record(of.mesh(claim.at.instance), of.off_plane(ray, claim.at, claim.distance, &truth.approach));
             }
         }
     }
@@ -230,7 +229,7 @@ impl<'a> Surfaces<'a> {
         let most = match (within, &doubt.claim, truth) {
             (Within::All, ..) | (_, None, None) => f64::INFINITY,
             (_, Some(claim), Some(truth)) => self.excusable(doubt.side, claim, truth),
-            (_, Some(claim), None) => self.sides[doubt.side].excusable(claim.instance),
+            (_, Some(claim), None) => self.sides[doubt.side].excusable(claim.at.instance),
             (_, None, Some(truth)) => of_input.excusable(truth.object),
         };
         let truth = truth.map(|truth| truth.within(most));
@@ -246,7 +245,7 @@ impl<'a> Surfaces<'a> {
         let own = Approach::new(ray, &side.scene.world_corners(at));
         let slack = side.slack(hit.instance, ray, &own);
         Claim {
-            instance: hit.instance,
+            at,
             own,
             distance: f64::from(hit.t) * ray.direction.as_dvec3().length(),
             front: hit.front,
