@@ -90,11 +90,7 @@ impl Laid {
 
     /// Whether two layouts come to the same document but for names.
     pub(super) fn is_same(&self, other: &Laid) -> bool {
-        let (a, b) = (&self.layout, &other.layout);
-        self.axes == other.axes
-            && a.placements == b.placements
-            && a.groups.len() == b.groups.len()
-            && a.groups.iter().zip(&b.groups).all(|(a, b)| a.content == b.content)
+        self.axes == other.axes && self.layout.is_same(&other.layout)
     }
 }
 

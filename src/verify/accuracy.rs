@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::VerifyOptions;
 use super::compare::{FAR_RATIO, NEAR_RATIO};
 use super::cpu::{CpuTracer, Reference, TrueHit, TwoLevel};
-use super::errors::percentile_999;
+use super::errors::{percentile_999, root_mean_square};
 use super::rays::{self, Ray};
 use super::seams::Aimed;
 use super::structure::allowed_error;
@@ -67,11 +67,10 @@ impl Probe {
             }
         }
         let lost = tracer.occluded(&self.aimed.rays).into_iter().filter(|hit| !hit).count();
-        let mean = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
         Accuracy {
             max_relative_distance_error: errors.iter().copied().fold(0.0, f64::max),
-            rms_relative_distance_error: mean(errors.iter().map(|e| e * e).sum(), errors.len()).sqrt(),
-            lost_per_million: mean(1e6 * lost as f64, self.aimed.rays.len()),
+            rms_relative_distance_error: root_mean_square(&errors),
+            lost_per_million: 1e6 * lost as f64 / self.aimed.rays.len().max(1) as f64,
             p999_relative_distance_error: percentile_999(errors),
         }
     }

@@ -45,6 +45,17 @@ const IN_AN_OCTAVE: usize = 8;
 /// Octaves of these classes.
 const OCTAVES: usize = 64;
 
+/// Returns the root mean square of errors; 0 if there are none.
+pub(crate) fn root_mean_square(errors: &[f64]) -> f64 {
+    // Relative to the largest, so that squares neither overflow nor vanish.
+    let largest = errors.iter().copied().fold(0.0, f64::max);
+    if largest == 0.0 {
+        return 0.0;
+    }
+    let squares: f64 = errors.iter().map(|error| (error / largest).powi(2)).sum();
+    largest * (squares / errors.len() as f64).sqrt()
+}
+
 /// Returns the number that 99.9 % of the numbers do not exceed; 0 if there are none.
 pub(crate) fn percentile_999(mut numbers: Vec<f64>) -> f64 {
     numbers.sort_unstable_by(f64::total_cmp);
@@ -323,6 +334,12 @@ mod tests {
         assert_eq!(exact, 9990.0 * 1e-9);
         let found = errors(numbers).p999();
         assert!(found >= exact && found < 1.0906 * exact, "{found} for {exact}");
+    }
+
+    #[test]
+    fn small_errors_have_a_mean() {
+        assert_eq!(root_mean_square(&[]), 0.0);
+        assert!((root_mean_square(&[3e-200, 4e-200]) - 12.5f64.sqrt() * 1e-200).abs() < 1e-210);
     }
 
     #[test]

@@ -5,6 +5,8 @@
 //! hit lies on a triangle of the input whose material has the same name (or the same look, see [`Materials`]), with the
 //! same side seen, and nothing of the input lies in front of it.
 
+use std::cell::LazyCell;
+
 use rayon::prelude::*;
 
 use super::approach::Approach;
@@ -176,19 +178,20 @@ impl<'a> Surfaces<'a> {
         doubts: &[Doubt],
         tally: &mut Tally,
     ) {
-        let there = Within::ALL.map(|within| self.are_there(within, rays, doubts));
+        let there = self.are_there(Within::Share, rays, doubts);
+        let there_at_all = LazyCell::new(|| self.are_there(Within::All, rays, doubts));
         let mut at = 0;
         for of_ray in doubts.chunk_by(|a, b| a.ray == b.ray) {
             let ray = of_ray[0].ray;
             let mut judged = Sides { before: Judgement::Right, after: Judgement::Right };
             for doubt in of_ray {
-                let [share, all] = Within::ALL.map(|within| {
-                    self.judge(within, &rays[ray], doubt, truths[ray].as_ref(), there[within as usize][at])
-                });
-                judged[doubt.side] = match (share, all) {
-                    (Judgement::Wrong(_), Judgement::Wrong(_)) => share,
-                    (Judgement::Wrong(_), _) => Judgement::Unclear,
-                    _ => share,
+                let judge = |within, there| self.judge(within, &rays[ray], doubt, truths[ray].as_ref(), there);
+                judged[doubt.side] = match judge(Within::Share, there[at]) {
+                    wrong @ Judgement::Wrong(_) => match judge(Within::All, there_at_all[at]) {
+                        Judgement::Wrong(_) => wrong,
+                        _ => Judgement::Unclear,
+                    },
+                    right => right,
                 };
                 if judged[doubt.side] == Judgement::Unclear {
                     tally.unclear_objects.extend(truths[ray].as_ref().map(|truth| truth.object));
@@ -275,10 +278,6 @@ enum Within {
     Share,
     /// Any.
     All,
-}
-
-impl Within {
-    const ALL: [Within; 2] = [Within::Share, Within::All];
 }
 
 impl Claim {

@@ -12,7 +12,7 @@ use crate::verify::VerifyOptions;
 use crate::verify::approach::Approach;
 use crate::verify::compare::{FAR_RATIO, NEAR_RATIO};
 use crate::verify::cpu::{Reference, TrueHit, TwoLevel};
-use crate::verify::errors::percentile_999;
+use crate::verify::errors::{percentile_999, root_mean_square};
 use crate::verify::probe::Probe;
 use crate::verify::rays::{self, Ray};
 use crate::verify::seams::Aimed;
@@ -103,16 +103,6 @@ fn exact(scene: &Scene, ray: &Ray, hit: &TrueHit) -> f64 {
     if approach.through { approach.distance / ray.direction.as_dvec3().length() } else { hit.t }
 }
 
-fn root_mean_square(errors: &[f64]) -> f64 {
-    // Relative to the largest, so that squares neither overflow nor vanish.
-    let largest = errors.iter().copied().fold(0.0, f64::max);
-    if largest == 0.0 {
-        return 0.0;
-    }
-    let squares: f64 = errors.iter().map(|error| (error / largest).powi(2)).sum();
-    largest * (squares / errors.len() as f64).sqrt()
-}
-
 /// The box and the largest error of each object.
 type OfObjects = Vec<(Bounds, f64)>;
 
@@ -167,12 +157,6 @@ mod tests {
     use crate::layout;
     use crate::methods::{self, Method};
     use crate::verify::cpu::{ComputingTracer, Precision};
-
-    #[test]
-    fn small_errors_have_a_mean() {
-        assert_eq!(root_mean_square(&[]), 0.0);
-        assert!((root_mean_square(&[3e-200, 4e-200]) - 12.5f64.sqrt() * 1e-200).abs() < 1e-210);
-    }
 
     /// The errors of a method with the torus placed somewhere, by each arithmetic.
     fn errors(placement: Placement, method: Method) -> [RayErrors; 4] {

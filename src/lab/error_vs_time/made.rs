@@ -72,7 +72,7 @@ impl Made {
 
     /// Measures the layout, unless an earlier one is equal.
     fn measured(self, scene: &Scene, layout: Cow<Layout>, earlier: &[Made]) -> Made {
-        let is_known = |made: &Made| made.layout.as_ref().is_some_and(|other| is_same(other, &layout));
+        let is_known = |made: &Made| made.layout.as_ref().is_some_and(|other| other.is_same(&layout));
         match earlier.iter().position(is_known) {
             Some(same_as) => {
                 let Made { positions, two_level_cost, .. } = &earlier[same_as];
@@ -84,11 +84,6 @@ impl Made {
             }
         }
     }
-}
-
-fn is_same(a: &Layout, b: &Layout) -> bool {
-    let contents = a.groups.iter().zip(&b.groups).all(|(a, b)| a.content == b.content);
-    a.placements == b.placements && a.groups.len() == b.groups.len() && contents
 }
 
 /// Returns the position errors and the two-level cost of a layout.
