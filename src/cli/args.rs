@@ -269,11 +269,11 @@ enum InstancesArgument {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum MatchArgument {
-    /// By identity if AFTER records where its triangles come from and most of that fits BEFORE, else by surface
+    /// All triangles by their place; a record in AFTER of where they come from need not be right
     Auto,
-    /// By the record in AFTER of where its triangles come from; every triangle is compared exactly
+    /// All triangles by their place, which must be the one that AFTER records
     Identity,
-    /// By rays only
+    /// Only what rays see
     Surface,
 }
 

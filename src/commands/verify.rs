@@ -6,18 +6,15 @@ use std::time::Instant;
 use crate::commands::CommandError;
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::cost::mesh_trees::MeshTrees;
-use crate::report::notes::AboutMatching;
 use crate::report::{Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
-use crate::verify::identity::Identity;
 use crate::verify::verdict;
-use crate::verify::{Machine, Matching, Sides, Verification, VerifyOptions};
+use crate::verify::{Machine, Matching, Sides, VerifyOptions};
 
 /// How to match the triangles of two files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MatchBy {
-    /// By identity if the file to verify records where its triangles come from and at least half of them refer to
-    /// triangles of the other file; otherwise by surface.
+    /// By place.
     #[default]
     Auto,
     /// Always this way, whatever the files record.
@@ -38,7 +35,7 @@ pub fn compare(
     let machine = Machine::open(&options.device)?;
     let (scene_before, warnings_before) = read(before)?;
     let (scene_after, warnings_after) = read(after)?;
-    let matching = by.choose(&scene_before, &scene_after);
+    let matching = by.choose();
     let options = VerifyOptions { matching, ..options.clone() };
     let trees_before = MeshTrees::build(&scene_before);
     let trees_after = trees_before.build_for(&scene_before, &scene_after, &[]);
@@ -49,8 +46,7 @@ pub fn compare(
     let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
     let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
     let profiles = per_primitive_note(blas_per, scenes, Sides { before: &metrics_before, after: &metrics_after });
-    let about_matching = note(by, matching, &scene_after, &verification).map(|about| about.to_string());
-    let notes = verification.notes.iter().map(ToString::to_string).chain(about_matching).chain(profiles).collect();
+    let notes = verification.notes.iter().map(ToString::to_string).chain(profiles).collect();
     Ok(VerifyReport {
         schema: VerifyReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -79,29 +75,10 @@ pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
 }
 
 impl MatchBy {
-    fn choose(self, before: &Scene, after: &Scene) -> Matching {
+    fn choose(self) -> Matching {
         match self {
             MatchBy::Always(matching) => matching,
-            MatchBy::Auto if !names_its_sources(after) => Matching::Surface,
-            MatchBy::Auto => match 2 * Identity::new(before, after).known() >= after.triangles_placed() {
-                true => Matching::Identity,
-                false => Matching::Surface,
-            },
+            MatchBy::Auto => Matching::Place,
         }
-    }
-}
-
-fn names_its_sources(scene: &Scene) -> bool {
-    scene.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some())
-}
-
-/// A note if the user may prefer the other way of matching.
-fn note(by: MatchBy, chosen: Matching, after: &Scene, found: &Verification) -> Option<AboutMatching> {
-    match (by, chosen) {
-        (MatchBy::Auto, Matching::Surface) if names_its_sources(after) => Some(AboutMatching::OfAnotherInput),
-        (MatchBy::Auto, Matching::Identity) if found.structure.as_ref().is_some_and(|s| !s.is_clean()) => {
-            Some(AboutMatching::FaultsByIdentity)
-        }
-        _ => None,
     }
 }

@@ -213,8 +213,8 @@ pub struct VerifyReport {
     pub before: Metrics,
     /// Metrics of the output's layout.
     pub after: Metrics,
-    /// `identity`: the output records which triangle of the input each of its own triangles is. `surface`: it does not,
-    /// so only what rays see was compared.
+    /// `place`: all triangles were compared by place. `identity`: that place must be the one that the output records.
+    /// `surface`: only what rays see was compared.
     pub matched_by: Matching,
     /// Results of tracing both files.
     pub verify: Verification,

@@ -135,27 +135,3 @@ pub(crate) fn built_per_primitive(metrics: Sides<&Metrics>, of_meshes: Sides<&Me
         costs(of_meshes)
     )
 }
-
-/// A remark on how triangles were matched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum AboutMatching {
-    /// Most of the output's records about its triangles do not refer to this input.
-    OfAnotherInput,
-    /// Triangles were matched by the output's records, and faults were found.
-    FaultsByIdentity,
-}
-
-impl Display for AboutMatching {
-    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
-        f.write_str(match self {
-            AboutMatching::OfAnotherInput => {
-                "most of what the output says about where its triangles come from is not about this input: surfaces \
-                 are compared"
-            }
-            AboutMatching::FaultsByIdentity => {
-                "triangles are matched by what the output says about where they come from; if another tool changed it \
-                 since, `--match surface` compares what rays see"
-            }
-        })
-    }
-}

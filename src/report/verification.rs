@@ -35,10 +35,14 @@ impl Display for Failure {
                 (Some(first), n) => write!(f, "{n} triangles {fault}, the first {first}"),
                 (None, n) => write!(f, "{n} triangles {fault}"),
             },
-            Failure::Moved { position_error_ratio, allowed } => write!(
-                f,
-                "a corner lies {position_error_ratio:.3e} of the scene's diagonal from its place, {allowed:.3e} allowed"
-            ),
+            Failure::Moved { count, farthest, distance, suggested_max_position_error_ratio } => {
+                let farthest = farthest.as_ref().map(|at| format!(", the farthest {at}")).unwrap_or_default();
+                write!(f, "{} moved, by up to {distance:.3e} units{farthest}", counted(*count as usize, "triangle"))?;
+                match suggested_max_position_error_ratio {
+                    Some(ratio) => write!(f, " (the same with `--max-position-error-ratio {ratio:e}`)"),
+                    None => Ok(()),
+                }
+            }
             Failure::Rays { mismatches, rays, examples } => {
                 let examples: Vec<String> = examples.iter().map(ToString::to_string).collect();
                 write!(f, "{mismatches} of {rays} rays see something else: {}", examples.join("; "))
@@ -119,6 +123,7 @@ impl Display for FaultKind {
             FaultKind::WrongMaterial => "of another material",
             FaultKind::Flipped => "flipped",
             FaultKind::Moved => "moved",
+            FaultKind::Elsewhere => "recorded as another one",
         })
     }
 }
@@ -136,15 +141,41 @@ impl Display for Note {
                 f.write_str("not every material has a name in both files: materials are matched by their look")
             }
             Note::CannotTell(what) => write!(f, "{what}; the exact comparison can"),
-            Note::OpaqueTextures(side, textures) => {
-                let file = match side {
-                    Side::Before => "input",
-                    Side::After => "output",
-                };
-                write!(f, "{file}: {textures}")
-            }
+            Note::RecordedElsewhere(count, first) => write!(
+                f,
+                "{} not the one that the output records, the first {first}; another tool may have changed the file since",
+                are(*count)
+            ),
+            Note::OfAnotherInput(confirmed) => write!(
+                f,
+                "only {} where the output records it: the record is of another input or out of date, and nothing here \
+                 relies on it",
+                lies(*confirmed)
+            ),
+            Note::Degenerate(side, count, first) => write!(
+                f,
+                "only the {} has {} without area, which no ray sees, the first {first}",
+                file(*side),
+                counted(*count as usize, "triangle")
+            ),
+            Note::OpaqueTextures(side, textures) => write!(f, "{}: {textures}", file(*side)),
         }
     }
+}
+
+fn file(side: Side) -> &'static str {
+    match side {
+        Side::Before => "input",
+        Side::After => "output",
+    }
+}
+
+fn are(triangles: u64) -> String {
+    format!("{} {}", counted(triangles as usize, "triangle"), if triangles == 1 { "is" } else { "are" })
+}
+
+fn lies(triangles: u64) -> String {
+    format!("{} {}", counted(triangles as usize, "triangle"), if triangles == 1 { "lies" } else { "lie" })
 }
 
 impl Display for WhyCpu {

@@ -8,13 +8,15 @@ use rayon::prelude::*;
 use super::approach::Approach;
 use super::cpu::{Reference, TrueHit};
 use super::errors::{Errors, HitError, OffPlane, OffPlanes};
-use super::identity::{Identity, describe};
+use super::identity::describe;
+use super::materials::Materials;
 use super::random::Random;
 use super::rays::{Ray, RayKind};
 use super::rounding::{self, Magnitude};
 use super::sight::CannotTell;
 use super::structure::{Structure, allowed_error};
-use super::{Hit, Mismatch, Sides, Target, VerifyOptions, Wrong};
+use super::surface::pairs::Pairs;
+use super::{Hit, Mismatch, Side, Sides, Target, VerifyOptions, Wrong};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
 /// Distance between two hits, as a share of the scene's radius, above which they count as far apart.
@@ -101,7 +103,7 @@ impl Tally {
 pub(super) struct View<'a> {
     pub(super) scene: &'a Scene,
     /// Maps its triangles to those of the input; `None` for the input itself.
-    identity: Option<&'a Identity<'a>>,
+    pairs: Option<&'a Pairs>,
     magnitudes: Vec<Magnitude>,
     /// Largest position error of the triangles of each instance, in world units; at most the allowed error.
     position_errors: Vec<f64>,
@@ -113,7 +115,8 @@ pub(super) struct View<'a> {
 pub struct Comparison<'a> {
     before: View<'a>,
     after: View<'a>,
-    identity: &'a Identity<'a>,
+    pairs: &'a Pairs,
+    materials: Materials,
     reference: &'a Reference<'a>,
     structure_is_clean: bool,
     radius: f64,
@@ -126,7 +129,8 @@ struct Claim {
     /// The triangle hit, of the tracer's scene.
     at: TriangleRef,
     source: Option<TriangleRef>,
-    material: Option<u32>,
+    /// The kind of its material.
+    material: u32,
     front: bool,
     /// Distance in world units.
     distance: f64,
@@ -164,21 +168,24 @@ struct Doubt {
 }
 
 impl<'a> Comparison<'a> {
-    /// Prepares a comparison; `structure` is the result of [`super::structure::compare`], `radius` the scene's radius.
+    /// Prepares a comparison; `structure` and `pairs` are the results of [`super::surface::compare`], `radius` is the
+    /// scene's radius.
     pub fn new(
-        identity: &'a Identity<'a>,
+        scenes: Sides<&'a Scene>,
+        pairs: &'a Pairs,
         reference: &'a Reference<'a>,
         structure: &Structure,
         radius: f64,
         options: &VerifyOptions,
     ) -> Self {
-        let (before, after) = identity.scenes();
+        let Sides { before, after } = scenes;
         let allowed = allowed_error(before, options.max_position_error_ratio);
         let position_errors = structure.of_instances.iter().map(|error| error.min(allowed)).collect();
         Comparison {
             before: View::of_input(before),
-            after: View::new(after, Some(identity), position_errors),
-            identity,
+            after: View::new(after, Some(pairs), position_errors),
+            pairs,
+            materials: Materials::in_place(scenes),
             reference,
             structure_is_clean: structure.is_clean(),
             radius,
@@ -260,7 +267,7 @@ impl<'a> Comparison<'a> {
             truth.map(|t| t.at).filter(|at| named != Some(*at))
         };
         let missed: Vec<Option<TriangleRef>> = doubts.iter().zip(&truths).map(missed).collect();
-        let mut places = self.identity.find(&missed.iter().flatten().copied().collect::<Vec<_>>()).into_iter();
+        let mut places = self.pairs.find(&missed.iter().flatten().copied().collect::<Vec<_>>()).into_iter();
         for ((doubt, truth), missed) in doubts.iter().zip(&truths).zip(missed) {
             let ray = &rays[doubt.ray];
             let place = missed.and_then(|_| places.next().flatten());
@@ -302,7 +309,13 @@ impl<'a> Comparison<'a> {
             (approach, side.slack(hit.instance, ray, &approach))
         });
         let distance = f64::from(hit.t) * length;
-        Claim { at, source, material: material(side.scene, at), front: hit.front, distance, truly }
+        Claim { at, source, material: self.kind(side, at), front: hit.front, distance, truly }
+    }
+
+    /// Returns the kind of material of a triangle.
+    fn kind(&self, of: &View, at: TriangleRef) -> u32 {
+        let side = if of.pairs.is_some() { Side::After } else { Side::Before };
+        self.materials.kind(side, of.scene, at)
     }
 
     /// Returns the largest slack that may excuse anything about a claim and the true hit, in world units: a share of the
@@ -332,7 +345,7 @@ impl<'a> Comparison<'a> {
             return Some(Wrong::UnknownTriangle);
         };
         let slack = slack.min(most);
-        if claim.material != material(self.before.scene, source) {
+        if claim.material != self.kind(&self.before, source) {
             Some(Wrong::Material)
         } else if !truly.explains(claim.distance, slack) {
             Some(Wrong::MovedTriangle)
@@ -399,7 +412,7 @@ impl<'a> Comparison<'a> {
     /// Judges a hit of another triangle in the same place: either may be hit. If their materials differ, this holds
     /// only if the exact comparison confirms both.
     fn tie(&self, claim: &Claim, truth: &TrueHit) -> Judgement {
-        if self.structure_is_clean || claim.material == material(self.before.scene, truth.at) {
+        if self.structure_is_clean || claim.material == self.kind(&self.before, truth.at) {
             Judgement::Tie
         } else {
             Judgement::Wrong(Wrong::MaterialInPlace)
@@ -436,9 +449,9 @@ impl Doubt {
 
 impl<'a> View<'a> {
     /// Creates a side for a scene, given how far the triangles of each instance are off, in world units.
-    pub(super) fn new(scene: &'a Scene, identity: Option<&'a Identity<'a>>, position_errors: Vec<f64>) -> Self {
+    pub(super) fn new(scene: &'a Scene, pairs: Option<&'a Pairs>, position_errors: Vec<f64>) -> Self {
         let largest_position_error = position_errors.iter().copied().fold(0.0, f64::max);
-        View { scene, identity, magnitudes: magnitudes(scene), position_errors, largest_position_error }
+        View { scene, pairs, magnitudes: magnitudes(scene), position_errors, largest_position_error }
     }
 
     /// Creates the side of the input.
@@ -495,8 +508,8 @@ impl<'a> View<'a> {
 
     /// Returns the triangle of the input that a triangle represents.
     fn source(&self, at: TriangleRef) -> Option<TriangleRef> {
-        match self.identity {
-            Some(identity) => identity.source(at),
+        match self.pairs {
+            Some(pairs) => Some(pairs.get(at)?.at),
             None => Some(at),
         }
     }

@@ -22,7 +22,10 @@ impl Materials {
     /// expected to keep them.
     pub(super) fn of(scenes: Sides<&Scene>) -> Materials {
         let are_named = |scene| shown(scene).all(|m| m.name.is_some());
-        let by_name = are_named(scenes.before) && are_named(scenes.after);
+        Materials::grouped(scenes, are_named(scenes.before) && are_named(scenes.after))
+    }
+
+    fn grouped(scenes: Sides<&Scene>, by_name: bool) -> Materials {
         let (mut found, mut words) = (HashMap::new(), Vec::new());
         let mut kind = |key: String| {
             *found.entry(key).or_insert_with_key(|key| {
@@ -39,6 +42,17 @@ impl Materials {
         };
         let kinds = scenes.map(|scene| scene.materials.iter().chain([&default]).map(&mut key).collect());
         Materials { by_name, kinds, words }
+    }
+
+    /// Like [`Materials::of`]; but where both files have the same list of materials, each material is a kind of its own,
+    /// and elsewhere names do not count.
+    pub(super) fn in_place(scenes: Sides<&Scene>) -> Materials {
+        if scenes.before.materials != scenes.after.materials {
+            return Materials::grouped(scenes, false);
+        }
+        let count = scenes.before.materials.len() as u32 + 1;
+        let words = (0..count).map(|i| format!("number {i}")).collect();
+        Materials { by_name: false, kinds: scenes.map(|_| (0..count).collect()), words }
     }
 
     /// Whether materials are grouped by name.

@@ -1,6 +1,6 @@
 //! Verifies that a written file shows the same as the input.
 //!
-//! [`structure`] compares the two scenes triangle by triangle, exactly; [`compare`] compares what rays hit in them;
+//! [`surface`] compares the two scenes triangle by triangle, exactly; [`compare`] compares what rays hit in them;
 //! [`verdict`] states the rules. Rays, comparison and verdict use tracers only through the trait [`Tracer`]; [`device`]
 //! decides which one traces.
 
@@ -106,7 +106,9 @@ impl Default for VerifyOptions {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Matching {
-    /// By the provenance recorded in the output; all triangles are compared, exactly.
+    /// All triangles by their place, in double precision; what the output records about them need not be right.
+    Place,
+    /// All triangles by their place, which must be the one that the output records.
     #[default]
     Identity,
     /// Not matched: only the surfaces that rays hit are compared, by place, side, and the name or look of their
@@ -166,11 +168,10 @@ pub fn verify_with<'t, T: Tracer + 't>(
         let cannot_tell = surfaces.cannot_tell(&seen.tally);
         return Ok(verdict::judge(scenes, seen, None, cannot_tell, options));
     }
-    let identity = Identity::new(before, after);
-    let structure = structure::compare(&identity, before, after, options.max_position_error_ratio);
-    let comparison = Comparison::new(&identity, reference, &structure, rays.radius, options);
+    let (structure, pairs) = surface::compare(&Identity::new(before, after), options.max_position_error_ratio);
+    let comparison = Comparison::new(scenes, &pairs, reference, &structure, rays.radius, options);
     let compare = |kind, rays: &[_], hits: Sides<&[_]>| comparison.compare(kind, rays, hits);
-    let aimed = Aimed::new(before, Some(&identity), comparison.displacement(), options);
+    let aimed = Aimed::new(before, Some(&pairs), comparison.displacement(), options);
     let seen = tracing::trace(before, &rays, &aimed, tracers, options, compare)?;
     let cannot_tell = comparison.cannot_tell(&seen.tally);
     Ok(verdict::judge(scenes, seen, Some(structure), cannot_tell, options))

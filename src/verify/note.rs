@@ -16,6 +16,12 @@ pub enum Note {
     ByLook,
     /// Rays cannot tell some objects; the exact comparison can.
     CannotTell(CannotTell),
+    /// Triangles are there, but the output records that they are others: how many, and the first.
+    RecordedElsewhere(u64, String),
+    /// Most of the triangles are not those that the output records: how many are.
+    OfAnotherInput(u64),
+    /// Triangles without area that only one of the files has: how many, and the first.
+    Degenerate(Side, u64, String),
     /// On the way through one of the files some textures count as opaque.
     OpaqueTextures(Side, OpaqueTextures),
 }
@@ -52,12 +58,16 @@ pub enum Failure {
         /// The first of them.
         first: Option<String>,
     },
-    /// A corner lies too far from its place; distances are over the scene's diagonal.
+    /// Corners lie too far from their place.
     Moved {
-        /// How far.
-        position_error_ratio: f64,
-        /// How far it may.
-        allowed: f64,
+        /// The number of triangles.
+        count: u64,
+        /// The triangle that is farthest off.
+        farthest: Option<String>,
+        /// How far, in world units.
+        distance: f64,
+        /// The ratio with which the files would be the same, if there is one.
+        suggested_max_position_error_ratio: Option<f64>,
     },
     /// Rays see something else.
     Rays {
@@ -91,6 +101,8 @@ pub enum FaultKind {
     Flipped,
     /// It lies elsewhere.
     Moved,
+    /// It is there, but the output records that it is another one.
+    Elsewhere,
 }
 
 /// A ray that hits something else in the output than in the input.

@@ -1,8 +1,8 @@
 //! The rules by which a file passes or fails; `docs/verification.md` states them for users.
 //!
 //! A file fails if
-//! - the exact comparison finds a triangle missing, repeated, unknown, of another material, flipped or moved by more
-//!   than the position error allowed,
+//! - the exact comparison ([`surface`](super::surface)) finds a triangle missing, repeated, unknown, of another material,
+//!   flipped or moved by more than the position error allowed, or (if asked) recorded as another one,
 //! - a ray hits something else in it than in the input, and neither rounding nor a tie explains that, or
 //! - more rays aimed at its edges and vertices are lost than in the input, by more than chance explains
 //!   ([`Seams::is_worse`]).
@@ -26,10 +26,10 @@ use super::errors::{ErrorReport, Histogram};
 use super::seams::Seams;
 use super::sight::CannotTell;
 use super::speed::KindSpeed;
-use super::structure::{Fault, Structure, allowed_error};
+use super::structure::{Fault, Record, Structure, allowed_error};
 use super::tracing::Seen;
 use super::weights::Weights;
-use super::{Failure, FaultKind, Note, PerKind, Sides, VerifyOptions};
+use super::{Failure, FaultKind, Matching, Note, PerKind, Side, Sides, VerifyOptions};
 use crate::scene::Scene;
 
 /// Results of verifying a file.
@@ -119,6 +119,8 @@ pub(super) fn judge(
 ) -> Verification {
     let Seen { tally, mut notes, .. } = seen;
     let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
+    let records = scenes.after.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some());
+    notes.extend(structure.iter().flat_map(|s| structure_notes(s, records, options)));
     failures.extend(ray_failure(&tally));
     failures.extend(seen.seams.is_worse().then_some(Failure::Seams(seen.seams)));
     let is_blind = tally.hits == 0 && scenes.before.triangles_placed().max(scenes.after.triangles_placed()) > 0;
@@ -164,13 +166,35 @@ fn structure_failures(structure: &Structure, options: &VerifyOptions) -> Vec<Fai
         count: found.count,
         first: found.first.clone(),
     };
-    let faults = structure.faults().into_iter().filter(|(_, found)| found.count > 0);
-    let mut failures: Vec<Failure> = faults.map(of_kind).collect();
-    if structure.moved.count > 0 {
-        let (position_error_ratio, allowed) = (structure.position_error_ratio, options.max_position_error_ratio);
-        failures.push(Failure::Moved { position_error_ratio, allowed });
-    }
+    let record = (FaultKind::Elsewhere, &structure.record.elsewhere);
+    let must_be_right = options.matching == Matching::Identity;
+    let faults = structure.faults().into_iter().chain(must_be_right.then_some(record));
+    let found = faults.filter(|(kind, found)| found.count > 0 && *kind != FaultKind::Moved);
+    let mut failures: Vec<Failure> = found.map(of_kind).collect();
+    failures.extend((structure.moved.count > 0).then(|| Failure::Moved {
+        count: structure.moved.count,
+        farthest: structure.moved.first.clone(),
+        distance: structure.farthest_moved,
+        suggested_max_position_error_ratio: structure.suggested_max_position_error_ratio,
+    }));
     failures
+}
+
+/// What is worth knowing about the triangles, but no fault.
+fn structure_notes(structure: &Structure, records: bool, options: &VerifyOptions) -> Vec<Note> {
+    let degenerate = Side::BOTH.into_iter().filter_map(|side| {
+        let Fault { count, first } = &structure.degenerate[side];
+        Some(Note::Degenerate(side, *count, first.clone()?))
+    });
+    let Record { confirmed, elsewhere } = &structure.record;
+    let of_another = 2 * confirmed < structure.triangles_after;
+    let record = match &elsewhere.first {
+        _ if !records || options.matching == Matching::Identity => None,
+        Some(_) if of_another => Some(Note::OfAnotherInput(*confirmed)),
+        Some(first) => Some(Note::RecordedElsewhere(elsewhere.count, first.clone())),
+        None => None,
+    };
+    degenerate.chain(record).collect()
 }
 
 fn ray_failure(tally: &Tally) -> Option<Failure> {

@@ -53,7 +53,7 @@ fn check(case: &Case) {
         assert_outcome(case.outcome, &ran.json(), &at);
         if verified.insert(fs::read(&output).expect("an output")) {
             let ran = verify(&input, &output);
-            assert_from_files(case.outcome, &ran, &at);
+            assert_from_files(&ran, &at);
         }
         fs::remove_file(&output).expect("an output");
         assert_eq!(folder_names(folder.path()), ["in.glb"], "{at}");
@@ -66,18 +66,11 @@ fn error(report: &Value) -> f64 {
     report["verify"]["position_error_ratio"].as_f64().expect("a number")
 }
 
-/// Checks what `verify` says. An input that is left alone names no source triangles: both files are then matched by
-/// surface, which gives no error, and rays must be able to tell all objects.
-fn assert_from_files(outcome: Outcome, ran: &Ran, at: &str) {
+/// Checks what `verify` says: all triangles are compared by place, whatever rays can tell.
+fn assert_from_files(ran: &Ran, at: &str) {
+    assert_eq!(ran.status, 0, "verify {at}: {}", ran.stderr);
     let report = ran.json();
-    let by_surface = report["matched_by"] == "surface";
-    let unclear = by_surface && outcome == Outcome::CannotTell;
-    assert_eq!(ran.status, i32::from(unclear), "verify {at}: {}", ran.stderr);
-    assert_eq!(report["verdict"] == "cannot tell", unclear, "verify {at}");
-    match by_surface {
-        true => assert!(report["verify"]["position_error_ratio"].is_null(), "verify {at}"),
-        false => assert!(error(&report) <= BOUND, "verify {at}: {}", error(&report)),
-    }
+    assert!(error(&report) <= BOUND, "verify {at}: {}", error(&report));
 }
 
 fn assert_outcome(outcome: Outcome, report: &Value, at: &str) {

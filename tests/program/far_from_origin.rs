@@ -154,8 +154,9 @@ fn verify_holds_a_file_against_the_decimals() {
     fs::write(&rounded, text).unwrap();
     let ran = verify(&input, &rounded);
     assert_eq!(ran.status, 1, "{}", ran.stdout);
-    let moved = &ran.json()["verify"]["structure"]["moved"]["count"];
-    assert_eq!(moved, obj.triangles.len(), "{moved}");
+    let structure = &ran.json()["verify"]["structure"];
+    let counts = ["moved", "missing", "flipped"].map(|fault| structure[fault]["count"].as_u64().expect("a number"));
+    assert_eq!(counts.iter().sum::<u64>(), obj.triangles.len() as u64, "{counts:?}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! `raykiln verify` on two files of one scene, whichever program wrote them.
 
 use crate::common::{Opened, Ran, bake, gltf, raykiln, samples, write};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -44,7 +44,7 @@ fn a_bake_is_verified_triangle_by_triangle() {
         let ran = verify(&sample(name), &output, &["--json"]);
         assert_eq!((ran.status, ran.stderr.as_str()), (0, ""), "{name}");
         let report = ran.json();
-        assert_eq!(report["matched_by"], "identity", "{name}");
+        assert_eq!(report["matched_by"], "place", "{name}");
         let placed = &report["before"]["triangles_placed"];
         assert_eq!(&report["verify"]["structure"]["triangles_after"], placed, "{name}");
         assert_eq!(report["verify"]["mismatches"], 0, "{name}");
@@ -52,18 +52,19 @@ fn a_bake_is_verified_triangle_by_triangle() {
 }
 
 #[test]
-fn of_a_strangers_output_surfaces_are_compared() {
+fn of_a_strangers_output_all_triangles_are_compared_by_place() {
     for name in ["overlapping", "materials", "instanced", "textured"] {
         let folder = TempDir::new().unwrap();
         let output = by_a_stranger(name, folder.path(), |_| {});
         let ran = verify(&sample(name), &output, &["--json"]);
         assert_eq!((ran.status, ran.stderr.as_str()), (0, ""), "{name}");
         let report = ran.json();
-        assert_eq!(report["matched_by"], "surface", "{name}");
-        assert!(report["verify"].get("structure").is_none(), "{name}: {report}");
-        assert!(report["verify"]["hits"].as_u64() > Some(0), "{name}");
-        let text = verify(&sample(name), &output, &[]);
-        assert!(text.stdout.contains("only surfaces are compared"), "{}", text.stdout);
+        assert_eq!(report["matched_by"], "place", "{name}");
+        let structure = &report["verify"]["structure"];
+        assert_eq!(structure["triangles_after"], report["before"]["triangles_placed"], "{name}");
+        assert!(structure["power"]["area"].as_f64() > Some(0.0), "{name}: {structure}");
+        let ran = verify(&sample(name), &output, &["--match", "surface"]);
+        assert!(ran.status == 0 && ran.stdout.contains("only surfaces are compared"), "{}", ran.stdout);
     }
 }
 
@@ -72,7 +73,7 @@ fn a_strangers_faults_are_failures() {
     let folder = TempDir::new().unwrap();
     let output = by_a_stranger("materials", folder.path(), |json| {
         let materials = json["materials"].as_array_mut().unwrap();
-        materials.iter_mut().for_each(|m| m["name"] = "paint".into());
+        materials.iter_mut().for_each(|m| m["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.1, 0.2, 0.3, 1.0]));
     });
     let ran = verify(&sample("materials"), &output, &[]);
     assert_eq!(ran.status, 1, "{}{}", ran.stdout, ran.stderr);
@@ -86,6 +87,8 @@ fn a_strangers_faults_are_failures() {
     assert_eq!(ran.status, 1, "{}", ran.stdout);
     let json: Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();
     assert_eq!(json["verdict"], "failed");
+    let ratio = json["verify"]["structure"]["suggested_max_position_error_ratio"].as_f64().unwrap();
+    assert_eq!(verify(&before, &after, &["--max-position-error-ratio", &ratio.to_string()]).status, 0, "{ratio}");
     // This limit exceeds the movement: 0.01 units with a diagonal of 1.4.
     assert_eq!(verify(&before, &after, &["--max-position-error-ratio", "0.02"]).status, 0);
 }
@@ -101,13 +104,13 @@ fn how_triangles_are_matched_can_be_chosen() {
     let reordered: Vec<u32> = opened.numbers(indices).chunks(3).rev().flatten().copied().collect();
     opened.set_numbers(indices, &reordered);
     let reordered = opened.write(folder.path());
-    for (by, status, matched_by) in [("auto", 1, "identity"), ("identity", 1, "identity"), ("surface", 0, "surface")] {
+    for (by, status, matched_by) in [("auto", 0, "place"), ("identity", 1, "identity"), ("surface", 0, "surface")] {
         let ran = verify(&sample("overlapping"), &reordered, &["--match", by, "--json"]);
         assert_eq!(ran.status, status, "{by}: {}", ran.stderr);
         let report = ran.json();
         assert_eq!(report["matched_by"], matched_by, "{by}");
-        let hint = report["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("--match surface"));
-        assert_eq!(hint, by == "auto", "{report}");
+        let note = report["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("the record is"));
+        assert_eq!(note, by == "auto", "{report}");
     }
 }
 
@@ -124,10 +127,10 @@ fn extras_about_another_file_are_not_believed() {
     }
     let foreign = opened.write(folder.path());
     let ran = verify(&sample("overlapping"), &foreign, &["--json"]);
-    assert_eq!((ran.status, ran.json()["matched_by"].as_str()), (0, Some("surface")), "{}", ran.stderr);
-    assert!(ran.stdout.contains("is not about this input"), "{}", ran.stdout);
+    assert_eq!((ran.status, ran.json()["matched_by"].as_str()), (0, Some("place")), "{}", ran.stderr);
+    assert!(ran.stdout.contains("the record is of another input"), "{}", ran.stdout);
     let ran = verify(&sample("overlapping"), &foreign, &["--match", "identity"]);
-    assert!(ran.status == 1 && ran.stderr.contains("unknown"), "{}", ran.stderr);
+    assert!(ran.status == 1 && ran.stderr.contains("recorded as another one"), "{}", ran.stderr);
 }
 
 #[test]

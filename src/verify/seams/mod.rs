@@ -17,8 +17,8 @@ use serde::Serialize;
 
 use self::aim::Aim;
 use self::places::Place;
-use super::identity::Identity;
 use super::rays::Ray;
+use super::surface::pairs::Pairs;
 use super::{Sides, VerifyOptions};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
@@ -85,15 +85,10 @@ pub(crate) struct Aimed {
 }
 
 impl Aimed {
-    /// Aims up to `options.rays_per_kind` rays at closed places of `before`, an equal share at each class. With an
-    /// `identity`, places are also sought where groups of the output meet. `displacement` is the distance by which
+    /// Aims up to `options.rays_per_kind` rays at closed places of `before`, an equal share at each class. With
+    /// `pairs`, places are also sought where groups of the output meet. `displacement` is the distance by which
     /// corners of the output may lie elsewhere, in world units.
-    pub(crate) fn new(
-        before: &Scene,
-        identity: Option<&Identity>,
-        displacement: f64,
-        options: &VerifyOptions,
-    ) -> Aimed {
+    pub(crate) fn new(before: &Scene, pairs: Option<&Pairs>, displacement: f64, options: &VerifyOptions) -> Aimed {
         let count = options.rays_per_kind as usize;
         let places = places::find(before, count, options.seed);
         if places.is_empty() {
@@ -101,16 +96,16 @@ impl Aimed {
         }
         let aim = Aim::new(before, displacement, options.seed);
         let places: Vec<Place> = places.into_par_iter().filter(|place| aim.is_covered(place)).collect();
-        let classes = classes(before, &places, identity);
+        let classes = classes(before, &places, pairs);
         aim.rays(&places, &classes, count)
     }
 }
 
 /// Returns the class of each place.
-fn classes(before: &Scene, places: &[Place], identity: Option<&Identity>) -> Vec<Class> {
+fn classes(before: &Scene, places: &[Place], pairs: Option<&Pairs>) -> Vec<Class> {
     let object = |at: &TriangleRef| (at.instance, before.mesh_of(InstanceId(at.instance)).locate(at.triangle).0);
     let all: Vec<TriangleRef> = places.iter().flat_map(|place| &place.triangles).copied().collect();
-    let groups = identity.map(|identity| identity.find(&all));
+    let groups = pairs.map(|pairs| pairs.find(&all));
     let mut first = 0;
     let class = |place: &Place| {
         let range = first..first + place.triangles.len();

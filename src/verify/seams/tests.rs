@@ -6,9 +6,10 @@ use glam::{DAffine3, DVec3, Vec3};
 use super::places::{Core, find};
 use super::*;
 use crate::scene::Mesh;
+use crate::verify::identity::Identity;
 use crate::verify::test_scenes::{cube, instance, mesh, room, scene};
 use crate::verify::tests::{baked, tilted};
-use crate::verify::{Failure, Matching, Verification, verify};
+use crate::verify::{Failure, Matching, Verification, surface, verify};
 
 fn options() -> VerifyOptions {
     VerifyOptions { rays_per_kind: 2048, repeats: 1, ..VerifyOptions::default() }
@@ -143,7 +144,8 @@ fn a_hole_is_a_crack() {
 fn rays_do_not_depend_on_the_number_of_threads() {
     let before = room();
     let after = baked(&before, tilted());
-    let aimed = || Aimed::new(&before, Some(&Identity::new(&before, &after)), 1e-6, &options());
+    let (_, pairs) = surface::compare(&Identity::new(&before, &after), 1e-6);
+    let aimed = || Aimed::new(&before, Some(&pairs), 1e-6, &options());
     let here = aimed();
     assert!(here.rays.len() > 2000, "{} rays", here.rays.len());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
