@@ -19,6 +19,7 @@ use crate::verify::VerifyOptions;
 use crate::verify::accuracy::Probe;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::rays;
+use crate::verify::views::Role;
 
 /// What plans for a scene are evaluated with.
 pub(crate) struct Evaluator<'a> {
@@ -67,7 +68,8 @@ impl Evaluator<'_> {
         let moved = (vantage != DVec3::ZERO).then(|| scene.translated(-vantage));
         let seen = moved.as_ref().unwrap_or(scene);
         let of_input = TwoLevel::build_to_count(seen, trees);
-        let rays = rays::generate(seen, &Reference::new(&of_input), self.rays_per_kind, verify.seed);
+        let sampling = verify.sampling(self.rays_per_kind, Some(Role::Choose));
+        let rays = rays::generate(seen, &Reference::new(&of_input), &sampling);
         let (weights, blas_per) = (verify.weights, verify.build.blas_per);
         let ranking = Ranking { rays: &rays, vantage, class, weights, all_kinds, blas_per };
         let plans = segments::given(plans, &of_input, &rays, &weights, vantage);

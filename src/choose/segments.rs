@@ -58,7 +58,7 @@ mod tests {
     use super::super::plans::{Effort, plans};
     use super::*;
     use crate::methods::Options;
-    use crate::verify::rays;
+    use crate::verify::rays::{self, Sampling};
 
     #[test]
     fn things_are_taken_evenly() {
@@ -70,7 +70,7 @@ mod tests {
     fn plans_by_rays_get_as_many_as_count() {
         let scene = crate::verify::test_scenes::room();
         let trees = TwoLevel::build(&scene);
-        let rays = rays::generate(&scene, &Reference::new(&trees), 64, 1);
+        let rays = rays::generate(&scene, &Reference::new(&trees), &Sampling::new(64, 1));
         let of = |weights: [f64; 4]| {
             let given = given(
                 &plans(Effort::new(6), &Options::default()),

@@ -19,6 +19,7 @@ use crate::scene::LoadOptions;
 use crate::verify::build::{BuildOptions, Prefer};
 use crate::verify::rays::MOST_RAYS;
 use crate::verify::speed::MOST_REPEATS;
+use crate::verify::views::{FEWEST_VIEWS, MOST_VIEWS};
 use crate::verify::weights::Weights;
 use crate::verify::{DeviceChoice, Matching, VerifyOptions};
 
@@ -239,7 +240,11 @@ pub(super) struct VerifyArguments {
     /// Number of timed repeats of each ray kind, at most 1000
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().repeats, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_REPEATS)))]
     repeats: u32,
-    /// Seed of the random rays
+    /// Number of views that rays come from, from 2 to 64: the file's cameras first, then viewpoints in and around the
+    /// scene; every other view chooses a layout, the rest judge it
+    #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().views, value_parser = clap::value_parser!(u32).range(i64::from(FEWEST_VIEWS)..=i64::from(MOST_VIEWS)))]
+    views: u32,
+    /// Seed of the views and rays
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().seed)]
     seed: u64,
     /// Largest distance that a vertex may move, over the scene's diagonal
@@ -498,6 +503,7 @@ impl VerifyArguments {
             timed_rays_per_kind: self.rays,
             repeats: self.repeats,
             weights: self.weights,
+            views: self.views,
             seed: self.seed,
             max_position_error_ratio: self.max_position_error_ratio,
             ..default

@@ -14,7 +14,9 @@ pub struct ReportedOptions {
     pub device_class: &'static str,
     /// Weight of each ray kind.
     pub weights: PerKind<f64>,
-    /// Seed of the rays.
+    /// Number of views that rays come from.
+    pub views: u32,
+    /// Seed of the views and rays.
     pub seed: u64,
     /// Number of rays of each kind that are compared.
     pub rays: u32,

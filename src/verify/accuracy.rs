@@ -42,7 +42,7 @@ pub(crate) struct Probe {
 impl Probe {
     /// Generates 1,024 rays of each kind and up to 4,096 aimed ones, seeded; `reference` is that of the input.
     pub(crate) fn new(before: &Scene, reference: &Reference, options: &VerifyOptions) -> Probe {
-        let generated = rays::generate(before, reference, RAYS_PER_KIND, options.seed);
+        let generated = rays::generate(before, reference, &options.sampling(RAYS_PER_KIND, None));
         let rays: Vec<Ray> = generated.kinds.iter().flat_map(|(_, rays)| rays).copied().collect();
         let displacement = allowed_error(before, options.max_position_error_ratio);
         let options = VerifyOptions { rays_per_kind: AIMED, ..options.clone() };

@@ -35,6 +35,7 @@ mod tests;
 mod tracing;
 pub mod verdict;
 pub mod view;
+pub mod views;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
 pub mod weights;
@@ -48,12 +49,14 @@ use identity::Identity;
 pub use note::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Target, WhyCpu, Wrong};
 pub use per_kind::PerKind;
 pub use race::{RaceResult, Timing, race_on_cpu};
+use rays::Sampling;
 use seams::Aimed;
 use serde::Serialize;
 pub use sides::{Side, Sides};
 use structure::reference_length;
 pub use tracing::{TimingHints, Tracer, Tracers};
 pub use verdict::Verification;
+use views::Role;
 use weights::Weights;
 
 use crate::cost::mesh_trees::MeshTrees;
@@ -73,7 +76,9 @@ pub struct VerifyOptions {
     pub rays_per_kind: u32,
     /// Number of timed rays for each kind; `None` for as many as suit the device ([`TimingHints::rays`]).
     pub timed_rays_per_kind: Option<u32>,
-    /// Seed of the rays.
+    /// Number of views that rays come from; half of them choose a layout, the others judge it.
+    pub views: u32,
+    /// Seed of the views and rays.
     pub seed: u64,
     /// Weight of each ray kind in the overall speed.
     pub weights: Weights,
@@ -93,12 +98,20 @@ impl Default for VerifyOptions {
             build: BuildOptions::default(),
             rays_per_kind: 16_384,
             timed_rays_per_kind: None,
+            views: views::DEFAULT_VIEWS,
             seed: 1,
             weights: Weights::default(),
             repeats: 7,
             max_position_error_ratio: 1e-6,
             sample_ratio: 1.0 / 16.0,
         }
+    }
+}
+
+impl VerifyOptions {
+    /// Rays of each kind from the views of a role, or from all of them.
+    pub(crate) fn sampling(&self, rays_per_kind: usize, role: Option<Role>) -> Sampling {
+        Sampling { rays_per_kind, views: self.views.max(views::FEWEST_VIEWS), role, seed: self.seed }
     }
 }
 
@@ -158,7 +171,7 @@ pub fn verify_with<'t, T: Tracer + 't>(
 ) -> Result<Verification, T::Error> {
     let Sides { before, after } = scenes;
     let tracers = tracers.into();
-    let rays = rays::generate(before, reference, options.rays_per_kind as usize, options.seed);
+    let rays = rays::generate(before, reference, &options.sampling(options.rays_per_kind as usize, None));
     if options.matching == Matching::Surface {
         let surfaces = Surfaces::new(scenes, reference, rays.radius, options);
         let compare = |kind, rays: &[_], hits: Sides<&[_]>| surfaces.compare(kind, rays, hits);

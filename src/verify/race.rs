@@ -5,6 +5,7 @@ use super::cpu::{CpuTracer, TwoLevel};
 use super::rays::{self, Ray, RayKind};
 use super::speed::{self, KindSpeed};
 use super::tracing::seen_by;
+use super::views::Role;
 #[cfg(feature = "vulkan")]
 use super::vulkan::{Error, Pipelines, VulkanTracer};
 use super::{Machine, PerKind, Tracer, VerifyOptions};
@@ -53,7 +54,8 @@ pub(super) fn race<T: Tracer>(
     options: &VerifyOptions,
 ) -> Result<Vec<Result<RaceResult, T::Error>>, T::Error> {
     let count = care.rays(before.pace().timed(options));
-    let mut rays = rays::generate_by(scene, |rays| seen_by(before, rays), count as usize, options.seed)?;
+    let sampling = options.sampling(count as usize, Some(Role::Choose));
+    let mut rays = rays::generate_by(scene, |rays| seen_by(before, rays), &sampling)?;
     for (kind, rays) in rays.kinds.iter_mut() {
         if options.weights.0[kind] == 0.0 {
             rays.clear();

@@ -1,6 +1,7 @@
 //! The rays of a verification: four kinds, from the input alone, the same for every tracer and number of threads.
 
 use std::convert::Infallible;
+use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -10,6 +11,7 @@ use super::cpu::{Reference, TrueHit};
 use super::random::Random;
 use super::rounding::SINGLE;
 use super::view::{Stage, View};
+use super::views::{self, DEFAULT_VIEWS, PlacedView, Role, Source};
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
 /// A ray. Hits between `t_min` and `t_max`, in units of the direction's length and excluding both, count.
@@ -59,18 +61,49 @@ impl RayKind {
 pub struct Rays {
     /// The rays of each kind.
     pub kinds: PerKind<Vec<Ray>>,
-    /// Description of where the primary rays come from.
-    pub view: String,
+    /// The views, each with its share of the rays of every kind.
+    pub views: Vec<RaysOfView>,
     /// Half the diagonal of the scene's box, in world units.
     pub radius: f64,
+}
+
+/// The rays of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RaysOfView {
+    /// Description of where the primary rays come from.
+    pub name: String,
+    /// Share of the picture that shows something, from 256 rays; 0 if rays come from all around.
+    pub seen_ratio: f64,
+    /// What the view is for.
+    pub role: Role,
+    /// Which rays of each kind are the view's.
+    pub range: Range<usize>,
+}
+
+/// Which rays to generate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Number of rays of each kind, over all views.
+    pub rays_per_kind: usize,
+    /// Number of views, those of other roles included; at least [`FEWEST_VIEWS`](super::views::FEWEST_VIEWS).
+    pub views: u32,
+    /// Only the views of this role; `None`: all views.
+    pub role: Option<Role>,
+    /// Seed of views and rays.
+    pub seed: u64,
+}
+
+impl Sampling {
+    /// Rays from all of the default number of views.
+    pub fn new(rays_per_kind: usize, seed: u64) -> Sampling {
+        Sampling { rays_per_kind, views: DEFAULT_VIEWS, role: None, seed }
+    }
 }
 
 /// Largest number of rays per kind: they are held in memory, 32 bytes each, with their hits.
 pub const MOST_RAYS: u32 = 1 << 24;
 /// Number of directions tried to find out whether a scene surrounds its centre.
 const PROBES: usize = 256;
-/// A view is usable if at least one primary ray in this many hits something.
-const RAYS_PER_HIT: usize = 64;
 /// Offset of rays that start at a surface, in radii of the scene. Exceeds the position error allowed by default.
 const OFFSET: f64 = 2e-5;
 
@@ -85,12 +118,14 @@ mod stream {
     pub(super) const SPHERE: u64 = 6;
 }
 
-/// Generates `count` rays of each kind; none for a scene without triangles.
+/// Generates rays; none for a scene without triangles.
 ///
-/// - Primary: a regular grid over the picture, jittered within its cells, of the file's first camera. If there is
-///   none, or fewer than one ray in 64 hits anything, of the automatic camera ([`View::automatic`]); if that
-///   sees as little, from points of the sphere around the scene to points of random triangles.
-/// - Shadow: from the points the primary rays hit to random points of a square light ([`Stage::light`]).
+/// - Primary: a regular grid over the picture of each view, jittered within its cells. The views are the file's cameras,
+///   or the automatic one ([`View::automatic`]) if there are none, and then viewpoints inside the scene and around it.
+///   A camera that sees less than a 64th of its picture, and a viewpoint that sees less than an eighth, is replaced. If
+///   nothing sees that much, rays go from points of the sphere around the scene to points of random triangles.
+/// - Shadow: from the points the primary rays of the same view hit to random points of a square light
+///   ([`Stage::light`]).
 /// - Diffuse: from the same points, cosine-distributed about the normal on the side seen.
 /// - Random: lines through the sphere around the scene's box under the measure that motions leave alone (L. Santaló,
 ///   "Integral Geometry and Geometric Probability", 1976): a uniform direction, and a uniform point of the disc
@@ -99,8 +134,8 @@ mod stream {
 /// Rays from a surface start off it by 2e-5 radii of the scene, or by 64 roundings of their coordinates if that is
 /// more. A scene is an interior if at least three quarters of 256 random directions from the middle of its box hit
 /// something, more of them its front than its back.
-pub fn generate(scene: &Scene, reference: &Reference, count: usize, seed: u64) -> Rays {
-    let Ok(rays) = generate_by(scene, |rays| Ok::<_, Infallible>(reference.closest(rays)), count, seed);
+pub fn generate(scene: &Scene, reference: &Reference, sampling: &Sampling) -> Rays {
+    let Ok(rays) = generate_by(scene, |rays| Ok::<_, Infallible>(reference.closest(rays)), sampling);
     rays
 }
 
@@ -111,24 +146,70 @@ pub fn generate(scene: &Scene, reference: &Reference, count: usize, seed: u64) -
 pub fn generate_by<E>(
     scene: &Scene,
     closest: impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
-    count: usize,
-    seed: u64,
+    sampling: &Sampling,
 ) -> Result<Rays, E> {
     let bounds = scene.bounds();
     if bounds.is_empty() || scene.triangles_placed() == 0 {
-        return Ok(Rays { kinds: Default::default(), view: "nothing to see".into(), radius: 0.0 });
+        return Ok(Rays { kinds: Default::default(), views: Vec::new(), radius: 0.0 });
     }
+    let Sampling { rays_per_kind: count, seed, role, .. } = *sampling;
     let mut stage = Stage::new(bounds);
     stage.enclosed = is_enclosed(&closest(&probes(&stage, seed))?);
-    let maker = Maker { scene, stage, count, seed };
-    let (view, mut primary, seen) = maker.look(&closest)?;
-    let kinds = PerKind::of(|kind| match kind {
-        RayKind::Primary => std::mem::take(&mut primary),
-        RayKind::Shadow => maker.rays(|i| maker.shadow(i, &seen)),
-        RayKind::Diffuse => maker.rays(|i| maker.diffuse(i, &seen)),
-        RayKind::Random => maker.rays(|i| maker.random(i)),
-    });
-    Ok(Rays { kinds, view, radius: stage.radius })
+    let placed = views::place(scene, &stage, &closest, sampling.views as usize, seed)?;
+    let placed = placed.into_iter().enumerate().map(|(i, view)| (Role::of(i), view));
+    let placed: Vec<(Role, PlacedView)> = placed.filter(|(of, _)| role.is_none_or(|role| role == *of)).collect();
+    let maker = Maker { scene, stage, seed };
+    let mut rays = Rays { kinds: Default::default(), views: Vec::new(), radius: stage.radius };
+    for (i, (role, view)) in placed.iter().enumerate() {
+        let range = i * count / placed.len()..(i + 1) * count / placed.len();
+        let (mut primary, seen) = maker.look(view, range.clone(), &closest)?;
+        for (kind, of_kind) in rays.kinds.iter_mut() {
+            of_kind.extend(match kind {
+                RayKind::Primary => std::mem::take(&mut primary),
+                RayKind::Shadow => generated(range.clone(), |i| maker.shadow(i, &seen)),
+                RayKind::Diffuse => generated(range.clone(), |i| maker.diffuse(i, &seen)),
+                RayKind::Random => generated(range.clone(), |i| maker.random(i)),
+            });
+        }
+        rays.views.push(RaysOfView { name: view.name.clone(), seen_ratio: view.seen_ratio, role: *role, range });
+    }
+    Ok(rays)
+}
+
+impl Rays {
+    /// Returns the rays of the views of a role.
+    pub(super) fn of_role(&self, role: Role) -> Rays {
+        let mut of_role = Rays { kinds: Default::default(), views: Vec::new(), radius: self.radius };
+        for view in self.views.iter().filter(|view| view.role == role) {
+            of_role.add(view, self.kinds.each_ref().map(|rays| rays[view.range.clone()].to_vec()));
+        }
+        of_role
+    }
+
+    /// Returns about `count` rays of each kind, at regular intervals in each view.
+    pub(super) fn thinned(&self, count: usize) -> Rays {
+        let step = self.kinds.values().map(Vec::len).max().unwrap_or(0).div_ceil(count.max(1)).max(1);
+        let mut thinned = Rays { kinds: Default::default(), views: Vec::new(), radius: self.radius };
+        for view in &self.views {
+            let thin = |rays: &Vec<Ray>| rays[view.range.clone()].iter().step_by(step).copied().collect();
+            thinned.add(view, self.kinds.each_ref().map(thin));
+        }
+        thinned
+    }
+
+    /// Adds the rays of a view, as many of each kind.
+    fn add(&mut self, view: &RaysOfView, mut kinds: PerKind<Vec<Ray>>) {
+        let start = self.kinds[RayKind::Primary].len();
+        let range = start..start + kinds[RayKind::Primary].len();
+        self.views.push(RaysOfView { range, ..view.clone() });
+        for (kind, rays) in kinds.iter_mut() {
+            self.kinds[kind].append(rays);
+        }
+    }
+}
+
+fn generated(range: Range<usize>, ray: impl Fn(usize) -> Ray + Sync + Send) -> Vec<Ray> {
+    range.into_par_iter().map(ray).collect()
 }
 
 fn probes(stage: &Stage, seed: u64) -> Vec<Ray> {
@@ -151,48 +232,45 @@ struct Seen {
 struct Maker<'a> {
     scene: &'a Scene,
     stage: Stage,
-    count: usize,
     seed: u64,
 }
 
 impl Maker<'_> {
-    fn rays(&self, ray: impl Fn(usize) -> Ray + Sync + Send) -> Vec<Ray> {
-        (0..self.count).into_par_iter().map(ray).collect()
-    }
-
-    /// Returns the primary rays of the first usable view, and what they hit.
+    /// Returns the primary rays of a view, and what they hit; if they hit nothing, points of random triangles instead.
     fn look<E>(
         &self,
+        view: &PlacedView,
+        range: Range<usize>,
         closest: &impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
-    ) -> Result<(String, Vec<Ray>, Vec<Seen>), E> {
-        let views = self.scene.cameras.iter().take(1).filter_map(View::of);
-        for view in views.chain([View::automatic(&self.stage)]) {
-            let rays = self.primary(&view);
-            let seen = self.seen(&rays, &closest(&rays)?);
-            if seen.len() * RAYS_PER_HIT >= self.count && !seen.is_empty() {
-                return Ok((view.name, rays, seen));
-            }
-        }
-        let targets: Vec<Seen> = (0..self.count).into_par_iter().map(|i| self.surface_point(i)).collect();
-        let rays = self.rays(|i| {
-            let from = self.stage.center + 1.5 * self.stage.radius * self.random_at(stream::SPHERE, i).direction();
-            Ray::endless(from, targets[i].point - from)
-        });
+    ) -> Result<(Vec<Ray>, Vec<Seen>), E> {
+        let rays = match &view.source {
+            Source::View(view) => self.primary(view, range.clone()),
+            Source::Around => generated(range.clone(), |i| self.toward_surface(i)),
+        };
         let seen = self.seen(&rays, &closest(&rays)?);
-        Ok(("random points around the scene".into(), rays, if seen.is_empty() { targets } else { seen }))
+        let some = || range.into_par_iter().map(|i| self.surface_point(i)).collect();
+        Ok((rays, if seen.is_empty() { some() } else { seen }))
     }
 
-    fn primary(&self, view: &View) -> Vec<Ray> {
-        let columns = (self.count as f64 * view.aspect_ratio()).sqrt().round().clamp(1.0, self.count.max(1) as f64);
-        let rows = self.count.div_ceil(columns as usize).max(1);
-        self.rays(|i| {
+    fn primary(&self, view: &View, range: Range<usize>) -> Vec<Ray> {
+        let count = range.len();
+        let columns = (count as f64 * view.aspect_ratio()).sqrt().round().clamp(1.0, count.max(1) as f64);
+        let rows = count.div_ceil(columns as usize).max(1);
+        let first = range.start;
+        generated(range, |i| {
             let mut random = self.random_at(stream::PRIMARY, i);
-            let (column, row) = (i % columns as usize, i / columns as usize);
+            let (column, row) = ((i - first) % columns as usize, (i - first) / columns as usize);
             let x = (column as f64 + random.unit()) / columns;
             let y = (row as f64 + random.unit()) / rows as f64;
             let (origin, direction) = view.ray([2.0 * x - 1.0, 1.0 - 2.0 * y]);
             Ray::endless(origin, direction)
         })
+    }
+
+    /// Returns a ray from the sphere around the scene to a point of a random triangle.
+    fn toward_surface(&self, index: usize) -> Ray {
+        let from = self.stage.center + 1.5 * self.stage.radius * self.random_at(stream::SPHERE, index).direction();
+        Ray::endless(from, self.surface_point(index).point - from)
     }
 
     fn seen(&self, rays: &[Ray], hits: &[Option<TrueHit>]) -> Vec<Seen> {

@@ -9,7 +9,7 @@ use raykiln_formats::contents::{Camera, Provenance, Source};
 use super::compare::Comparison;
 use super::cpu::{CpuTracer, Reference, TwoLevel};
 use super::identity::Identity;
-use super::rays::{RayKind, Rays, generate};
+use super::rays::{RayKind, Rays, Sampling, generate};
 use super::structure::Structure;
 use super::test_scenes::{Style, cases, cube, instance, mesh, random_scene, room, scene};
 use super::{Matching, Sides, Verification, VerifyOptions, surface, verify};
@@ -73,7 +73,7 @@ fn mismatches_seen(before: &Scene, after: &Scene) -> u64 {
     let (trees_before, trees_after) = (TwoLevel::build(before), TwoLevel::build(after));
     let reference = Reference::new(&trees_before);
     let (_, pairs) = surface::compare(&Identity::new(before, after), 1e-6);
-    let rays = generate(before, &reference, 2048, 1);
+    let rays = generate(before, &reference, &Sampling::new(2048, 1));
     let clean = Structure { of_instances: vec![0.0; after.instances.len()], ..Structure::default() };
     let comparison = Comparison::new(Sides { before, after }, &pairs, &reference, &clean, rays.radius, &options());
     let tracers = [CpuTracer::new(&trees_before), CpuTracer::new(&trees_after)];
@@ -349,7 +349,7 @@ fn degenerate_scenes_verify() {
 
 fn rays_of(scene: &Scene, count: usize) -> Rays {
     let trees = TwoLevel::build(scene);
-    generate(scene, &Reference::new(&trees), count, 1)
+    generate(scene, &Reference::new(&trees), &Sampling::new(count, 1))
 }
 
 #[test]
@@ -364,33 +364,33 @@ fn rays_are_sound_and_do_not_depend_on_the_number_of_threads() {
             assert!(ray.t_min >= 0.0 && ray.t_max > ray.t_min);
         }
     }
-    assert_eq!(here.view, "automatic, inside");
+    assert_eq!(here.views[0].name, "automatic, inside");
     assert_ne!(rays_of(&room(), 1000).kinds[RayKind::Random], generate_seeded(2).kinds[RayKind::Random]);
 }
 
 fn generate_seeded(seed: u64) -> Rays {
     let trees = TwoLevel::build(&room());
-    generate(&room(), &Reference::new(&trees), 1000, seed)
+    generate(&room(), &Reference::new(&trees), &Sampling::new(1000, seed))
 }
 
 #[test]
-fn the_first_camera_of_the_file_is_used_unless_it_sees_nothing() {
+fn cameras_of_the_file_are_used_unless_it_sees_nothing() {
     let camera = Camera::Perspective { yfov: 1.0, aspect_ratio: None };
     let mut seen = room();
     seen.cameras = vec![PlacedCamera { name: "eye".into(), camera, transform: DAffine3::IDENTITY }];
-    assert_eq!(rays_of(&seen, 100).view, "camera `eye`");
+    assert_eq!(rays_of(&seen, 100).views[0].name, "camera `eye`");
     seen.cameras[0].transform = DAffine3::from_translation(DVec3::new(0.0, 0.0, -1e4));
-    assert_eq!(rays_of(&seen, 100).view, "automatic, inside");
+    assert_eq!(rays_of(&seen, 100).views[0].name, "automatic, inside");
 }
 
 #[test]
 fn a_solid_is_seen_from_outside_and_specks_are_aimed_at() {
     let solid = scene(vec![cube(0, None)], &[(0, DAffine3::IDENTITY)]);
-    assert_eq!(rays_of(&solid, 1000).view, "automatic, outside");
+    assert_eq!(rays_of(&solid, 1000).views[0].name, "automatic, outside");
     let speck = |x: f64| (0, DAffine3::from_translation(DVec3::new(x, 0.0, 0.0)));
     let specks = scene(vec![cube(0, None)], &[speck(-1e4), speck(1e4)]);
     let rays = rays_of(&specks, 1000);
-    assert_eq!(rays.view, "random points around the scene");
+    assert_eq!(rays.views[0].name, "random points around the scene");
     let trees = TwoLevel::build(&specks);
     let hits = CpuTracer::new(&trees).closest(&rays.kinds[RayKind::Primary]);
     assert!(hits.iter().flatten().count() > 900);

@@ -6,9 +6,10 @@ use super::Hit;
 use super::build::{Built, Structures};
 use super::compare::Tally;
 use super::cpu::TrueHit;
-use super::rays::{self, Ray, RayKind, Rays};
+use super::rays::{self, Ray, RayKind, Rays, RaysOfView};
 use super::seams::{Aimed, Seams};
 use super::speed::{self, KindSpeed};
+use super::views::Role;
 use super::{Note, OpaqueTextures, PerKind, Side, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
@@ -84,7 +85,7 @@ impl TimingHints {
 /// Results of tracing rays.
 pub(super) struct Seen {
     pub(super) device: String,
-    pub(super) view: String,
+    pub(super) views: Vec<RaysOfView>,
     pub(super) tally: Tally,
     pub(super) seams: Seams,
     pub(super) timed: Timed,
@@ -146,7 +147,6 @@ fn together<T: Tracer>(
 ) -> Result<Seen, T::Error> {
     let views = Sides { before: View::of(tracers.before, rays, aimed)?, after: View::of(tracers.after, rays, aimed)? };
     let timed = timed_rays(before, rays, tracers.before, options)?;
-    let timed = timed.as_ref().unwrap_or(rays);
     let both = [tracers.before, tracers.after];
     let seconds = PerKind::try_of(|kind| times(kind, &timed.kinds[kind], both, options.repeats).map(Sides::from))?;
     let kinds = PerKind::of(|kind| KindSpeed::in_turns(timed.kinds[kind].len(), &seconds[kind]));
@@ -168,12 +168,11 @@ fn one_by_one<T: Tracer>(
     let tracer = (make.before)()?;
     let view_before = View::of(&tracer, rays, aimed)?;
     let timed = timed_rays(before, rays, &tracer, options)?;
-    let timed = timed.as_ref().unwrap_or(rays);
-    let mut times_before = all_times(&tracer, timed)?;
+    let mut times_before = all_times(&tracer, &timed)?;
     drop(tracer);
     let tracer = (make.after)()?;
     let view_after = View::of(&tracer, rays, aimed)?;
-    let mut times_after = all_times(&tracer, timed)?;
+    let mut times_after = all_times(&tracer, &timed)?;
     let seconds = PerKind::of(|kind| {
         Sides { before: &mut times_before, after: &mut times_after }.map(|times| std::mem::take(&mut times[kind]))
     });
@@ -228,7 +227,7 @@ fn seen(rays: &Rays, aimed: &Aimed, views: Sides<View>, timed: Timed, compare: i
     let opaque = [(Side::Before, before.opaque_textures), (Side::After, after.opaque_textures)];
     let notes = opaque.into_iter().filter_map(|(side, textures)| Some(Note::OpaqueTextures(side, textures?))).collect();
     let structures = before.built.zip(after.built).map(|(before, after)| Structures::of(&Sides { before, after }));
-    Seen { device: before.device, view: rays.view.clone(), tally, seams, timed, structures, notes }
+    Seen { device: before.device, views: rays.views.clone(), tally, seams, timed, structures, notes }
 }
 
 /// Times rays of one kind, which are prepared only for this purpose.
@@ -244,27 +243,18 @@ fn times<T: Tracer, const N: usize>(
     }
 }
 
-/// Returns the rays to be timed, if they differ from the compared rays.
-fn timed_rays<T: Tracer>(
-    before: &Scene,
-    rays: &Rays,
-    tracer: &T,
-    options: &VerifyOptions,
-) -> Result<Option<Rays>, T::Error> {
+/// Returns the rays to be timed: of the views that judge.
+fn timed_rays<T: Tracer>(before: &Scene, rays: &Rays, tracer: &T, options: &VerifyOptions) -> Result<Rays, T::Error> {
     let count = tracer.pace().timed(options);
-    match count.cmp(&options.rays_per_kind) {
-        Ordering::Equal => Ok(None),
-        Ordering::Less => Ok(Some(thinned(rays, count as usize))),
+    let judging = rays.of_role(Role::Judge);
+    match (count as usize).cmp(&judging.kinds[RayKind::Primary].len()) {
+        Ordering::Less => Ok(judging.thinned(count as usize)),
+        Ordering::Equal => Ok(judging),
         Ordering::Greater => {
-            rays::generate_by(before, |rays| seen_by(tracer, rays), count as usize, options.seed).map(Some)
+            let sampling = options.sampling(count as usize, Some(Role::Judge));
+            rays::generate_by(before, |rays| seen_by(tracer, rays), &sampling)
         }
     }
-}
-
-/// Returns about `count` rays of each kind, at regular intervals.
-fn thinned(rays: &Rays, count: usize) -> Rays {
-    let thin = |rays: &Vec<Ray>| rays.iter().step_by(rays.len().div_ceil(count.max(1)).max(1)).copied().collect();
-    Rays { kinds: rays.kinds.each_ref().map(thin), view: rays.view.clone(), radius: rays.radius }
 }
 
 /// Returns the closest hits reported by a tracer, in the form of true hits.
@@ -276,26 +266,4 @@ pub(super) fn seen_by<T: Tracer>(tracer: &T, rays: &[Ray]) -> Result<Vec<Option<
         front: hit.front,
     };
     Ok(hits.into_iter().map(|hit| hit.map(believed)).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::DVec3;
-
-    use super::*;
-
-    #[test]
-    fn thinned_rays_are_spread_over_all_of_a_kind() {
-        let ray = |i: usize| Ray::endless(DVec3::X * i as f64, DVec3::Z);
-        let kinds = PerKind::from([10, 3, 1, 0]).map(|n| (0..n).map(ray).collect());
-        let thinned = |count| thinned(&Rays { kinds: kinds.clone(), view: String::new(), radius: 1.0 }, count);
-        let origins = |rays: &[Ray]| rays.iter().map(|r| r.origin.x).collect::<Vec<f32>>();
-        let few = thinned(3);
-        assert_eq!(
-            few.kinds.each_ref().map(|k| origins(k)),
-            [vec![0.0, 4.0, 8.0], vec![0.0, 1.0, 2.0], vec![0.0], vec![]].into()
-        );
-        assert_eq!(thinned(0).kinds.each_ref().map(Vec::len), [1, 1, 1, 0].into());
-        assert_eq!(thinned(100).kinds, kinds);
-    }
 }

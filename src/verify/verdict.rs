@@ -28,6 +28,7 @@ use super::sight::CannotTell;
 use super::speed::KindSpeed;
 use super::structure::{Fault, Record, Structure, allowed_error};
 use super::tracing::Seen;
+use super::views::ViewReport;
 use super::weights::Weights;
 use super::{Failure, FaultKind, Matching, Note, PerKind, Side, Sides, VerifyOptions};
 use crate::scene::Scene;
@@ -37,8 +38,10 @@ use crate::scene::Scene;
 pub struct Verification {
     /// The device that traced the rays.
     pub device: String,
-    /// Description of where the primary rays came from.
+    /// Description of where the primary rays of the first view came from.
     pub view: String,
+    /// The views that rays came from.
+    pub views: Vec<ViewReport>,
     /// Number of rays of all kinds.
     pub rays: u64,
     /// Number of rays that hit something in the input.
@@ -133,7 +136,8 @@ pub(super) fn judge(
     let allowed = allowed_error(scenes.before, options.max_position_error_ratio);
     Verification {
         device: seen.device,
-        view: seen.view,
+        view: seen.views.first().map_or("nothing to see".into(), |view| view.name.clone()),
+        views: seen.views.into_iter().map(ViewReport::from).collect(),
         rays: tally.rays,
         hits: tally.hits,
         mismatches: tally.mismatches,

@@ -80,21 +80,41 @@ impl View {
     /// Returns a view for scenes without a camera. In an interior, it looks from the centre along the longer horizontal
     /// side; otherwise from outside, in front, above and to the right, just far enough to see the whole box.
     pub fn automatic(stage: &Stage) -> View {
-        let size = stage.bounds.size();
-        let (back, field) = if stage.enclosed {
-            (if size.x > size.z { DVec3::X } else { DVec3::Z }, FIELD_INSIDE)
-        } else {
-            (DVec3::new(0.5, 0.45, 0.74).normalize(), FIELD_OUTSIDE)
-        };
-        let right = DVec3::Y.cross(back).normalize();
+        if stage.enclosed {
+            let size = stage.bounds.size();
+            let back = if size.x > size.z { DVec3::X } else { DVec3::Z };
+            return View::inside("automatic, inside".into(), stage.center, -back);
+        }
+        View::outside("automatic, outside".into(), &stage.bounds, DVec3::new(0.5, 0.45, 0.74), 1.0)
+    }
+
+    /// Returns an upright view from a point in a direction, which must not be zero.
+    pub(super) fn inside(name: String, from: DVec3, toward: DVec3) -> View {
+        View::upright(name, from, -toward.normalize(), FIELD_INSIDE)
+    }
+
+    /// Returns an upright view of a box from the direction `back`, which must not be zero. At a `nearness` of 1 the whole
+    /// box is just seen, at half of it from half that distance, but never from closer than half the diagonal.
+    pub(super) fn outside(name: String, bounds: &Bounds, back: DVec3, nearness: f64) -> View {
+        let stage = Stage::new(*bounds);
+        let view = View::upright(name, stage.center, back.normalize(), FIELD_OUTSIDE);
+        let Projection::Perspective { half } = view.projection else { return view };
+        let all = distance_to_see(0.5 * bounds.size(), &view.transform.matrix3, half);
+        let distance = (nearness * all).max(stage.radius);
+        let transform =
+            DAffine3 { translation: stage.center + distance * view.transform.matrix3.z_axis, ..view.transform };
+        View { transform, ..view }
+    }
+
+    /// Returns a view from a point, away from the direction `back` of length one.
+    fn upright(name: String, from: DVec3, back: DVec3, field: f64) -> View {
+        let right = DVec3::Y.cross(back).try_normalize().unwrap_or(DVec3::X);
         let axes = DMat3::from_cols(right, back.cross(right), back);
         let half = (0.5 * field).tan();
-        let half = [half * ASPECT_RATIO, half];
-        let distance = if stage.enclosed { 0.0 } else { distance_to_see(0.5 * size, &axes, half).max(stage.radius) };
         View {
-            name: if stage.enclosed { "automatic, inside".into() } else { "automatic, outside".into() },
-            transform: DAffine3 { matrix3: axes, translation: stage.center + distance * back },
-            projection: Projection::Perspective { half },
+            name,
+            transform: DAffine3 { matrix3: axes, translation: from },
+            projection: Projection::Perspective { half: [half * ASPECT_RATIO, half] },
         }
     }
 

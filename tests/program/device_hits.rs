@@ -5,8 +5,9 @@ use raykiln::emit;
 use raykiln::methods::{self, Method};
 use raykiln::scene::{self, LoadOptions, Scene};
 use raykiln::verify::cpu::{CpuTracer, Reference, TwoLevel};
+use raykiln::verify::rays::{self, Sampling};
 use raykiln::verify::vulkan::{BuildOptions, Device, Options, Pipelines, Vulkan, VulkanTracer, Wanted};
-use raykiln::verify::{Hit, Tracer, rays};
+use raykiln::verify::{Hit, Tracer};
 
 /// Number of rays of each kind.
 const RAYS: usize = 500;
@@ -42,7 +43,7 @@ fn every_method_is_hit_on_a_device_as_on_the_cpu() {
         let file = samples().into_iter().find(|s| s.name == name).expect("the sample is there").scene;
         let document = raykiln_formats::read(&file).expect("a sample is read");
         let (before, _) = scene::load(&document, &LoadOptions::default()).expect("a sample has triangles");
-        let rays = rays::generate(&before, &Reference::new(&TwoLevel::build(&before)), RAYS, 1);
+        let rays = rays::generate(&before, &Reference::new(&TwoLevel::build(&before)), &Sampling::new(RAYS, 1));
         let (far, all) = (1e-4 * rays.radius, rays.kinds.values().flatten().copied().collect::<Vec<_>>());
         for method in Method::ALL {
             let after = laid_out(&document, &before, method);

@@ -68,6 +68,7 @@ impl BakeOptions {
             effort: choose.effort.level(),
             device_class: choose.class.name(),
             weights: verify.weights.0,
+            views: verify.views,
             seed: verify.seed,
             rays: verify.rays_per_kind,
             repeats: verify.repeats,

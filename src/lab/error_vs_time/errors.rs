@@ -55,7 +55,7 @@ impl Truth {
     /// which any layout moves a corner, in world units.
     pub(super) fn new(scene: &Scene, trees: &TwoLevel, displacement: f64, options: &VerifyOptions) -> Truth {
         let reference = Reference::new(trees);
-        let rays = rays::generate(scene, &reference, options.rays_per_kind as usize, options.seed);
+        let rays = rays::generate(scene, &reference, &options.sampling(options.rays_per_kind as usize, None));
         let radius = rays.radius;
         let rays: Vec<Ray> = rays.kinds.values().flatten().copied().collect();
         let exact = |(hit, ray): (Option<TrueHit>, &Ray)| hit.map(|hit| (hit.at, exact(scene, ray, &hit)));

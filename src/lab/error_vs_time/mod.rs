@@ -161,9 +161,10 @@ impl<'a> Bench<'a> {
         let verify = &self.experiment.bake.verify;
         let pace = |probe: Box<dyn Probe + 'p>| {
             let count = probe.timed(verify) as usize;
+            let sampling = verify.sampling(count, None);
             let rays = match count <= MOST_EXACT {
-                true => rays::generate(scene, &Reference::new(trees), count, verify.seed),
-                false => rays::generate_by(scene, |rays| probe.closest(rays), count, verify.seed)?,
+                true => rays::generate(scene, &Reference::new(trees), &sampling),
+                false => rays::generate_by(scene, |rays| probe.closest(rays), &sampling)?,
             };
             Pace::new(probe, rays.kinds, verify.repeats)
         };

@@ -10,7 +10,7 @@ use super::two_level::{Entry, TwoLevel};
 use super::watertight::{ShearedRay, TriangleTest};
 use super::{ComputingTracer, CpuTracer, Precision, Reference, TrueHit};
 use crate::scene::{Scene, TriangleRef};
-use crate::verify::rays::{self, Ray};
+use crate::verify::rays::{self, Ray, Sampling};
 use crate::verify::seams::tests::torus;
 use crate::verify::test_scenes::{Style, cases, random_rays, random_scene, room, scene};
 
@@ -73,7 +73,8 @@ proptest! {
 fn traced(scene: &Scene, precision: Precision) -> Vec<(TrueHit, TrueHit)> {
     let accel = TwoLevel::build(scene);
     let reference = Reference::new(&accel);
-    let rays: Vec<Ray> = rays::generate(scene, &reference, 512, 1).kinds.values().flatten().copied().collect();
+    let rays: Vec<Ray> =
+        rays::generate(scene, &reference, &Sampling::new(512, 1)).kinds.values().flatten().copied().collect();
     let hits = ComputingTracer::new(&accel, precision).closest(&rays);
     let both: Vec<_> = hits.into_iter().zip(reference.closest(&rays)).filter_map(|(a, b)| Some((a?, b?))).collect();
     assert!(both.len() > 256, "{} hits", both.len());
@@ -90,8 +91,12 @@ fn largest_error(scene: &Scene, precision: Precision) -> f64 {
 fn the_watertight_arithmetic_is_that_of_the_tracer_under_test() {
     let room = room();
     let accel = TwoLevel::build(&room);
-    let rays: Vec<Ray> =
-        rays::generate(&room, &Reference::new(&accel), 256, 1).kinds.values().flatten().copied().collect();
+    let rays: Vec<Ray> = rays::generate(&room, &Reference::new(&accel), &Sampling::new(256, 1))
+        .kinds
+        .values()
+        .flatten()
+        .copied()
+        .collect();
     let hits = ComputingTracer::new(&accel, Precision::F32Watertight).closest(&rays);
     let plain = CpuTracer::new(&accel).closest(&rays);
     assert_eq!(hits.iter().flatten().count(), plain.iter().flatten().count());

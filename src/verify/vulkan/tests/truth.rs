@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::scene::{LoadOptions, load};
 use crate::verify::cpu::{Reference, TwoLevel};
-use crate::verify::rays;
+use crate::verify::rays::{self, Sampling};
 
 /// Distances that differ by more than this, in radii of the scene, belong to different surfaces.
 const FAR: f64 = 1e-4;
@@ -39,7 +39,7 @@ fn samples_are_seen_as_they_are() {
 fn assert_truth(pipelines: &Pipelines<'_>, scene: &Scene, name: &str) {
     let trees = TwoLevel::build(scene);
     let reference = Reference::new(&trees);
-    let rays = rays::generate(scene, &reference, 256, 1);
+    let rays = rays::generate(scene, &reference, &Sampling::new(256, 1));
     let all = rays.kinds.values().flatten().copied().collect::<Vec<_>>();
     let tracer = VulkanTracer::new(pipelines, scene, BuildOptions::default()).expect("built");
     let buffer = pipelines.device().upload_rays(&all).expect("uploaded");
