@@ -55,6 +55,15 @@ impl Display for Failure {
                 grouped(seams.after_lost),
                 grouped(seams.before_lost)
             ),
+            Failure::FarHits { far_hits, rays } => write!(
+                f,
+                "cannot tell: {} of {} rays hit another surface in the output, or nothing, which rounding may explain",
+                grouped(*far_hits),
+                grouped(*rays)
+            ),
+            Failure::Untouched { touched_area_ratio } => {
+                write!(f, "cannot tell: rays touched only {:.2} % of the area", 100.0 * touched_area_ratio)
+            }
             Failure::NothingHit => f.write_str("cannot tell: no ray hits anything in either file"),
             Failure::CannotTell(what) => write!(f, "cannot tell: {what}"),
         }

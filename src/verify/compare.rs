@@ -53,6 +53,8 @@ pub struct Tally {
     pub(super) unclear_objects: BTreeSet<u32>,
     /// Instances of the input that a hit of the output shows, within [`EXCUSABLE`] of their size.
     pub(super) told_objects: BTreeSet<u32>,
+    /// Triangles of the input that were hit; only if nothing but rays is compared.
+    pub(super) touched: BTreeSet<TriangleRef>,
     /// Errors in the input.
     pub before: Errors,
     /// Errors in the output.
@@ -91,6 +93,7 @@ impl Tally {
         self.unclear += other.unclear;
         self.unclear_objects.extend(other.unclear_objects);
         self.told_objects.extend(other.told_objects);
+        self.touched.extend(other.touched);
         self.off_planes.add(other.off_planes);
         self.before.add(other.before);
         self.after.add(other.after);

@@ -94,6 +94,8 @@ impl<'a> Surfaces<'a> {
     pub(super) fn compare(&self, kind: RayKind, rays: &[Ray], hits: Sides<&[Option<Hit>]>) -> Tally {
         let mut tally =
             Tally { rays: rays.len() as u64, hits: hits.before.iter().flatten().count() as u64, ..Tally::default() };
+        let touched = hits.before.iter().flatten();
+        tally.touched.extend(touched.map(|hit| TriangleRef { instance: hit.instance, triangle: hit.triangle }));
         let truths = self.reference.closest(rays);
         let claim = |i: usize, side: Side| hits[side][i].as_ref().map(|hit| self.claim(side, &rays[i], hit));
         let claims: Vec<Sides<Option<Claim>>> =

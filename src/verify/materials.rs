@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::compare::material;
 use super::{Side, Sides};
-use crate::scene::{Material, Scene, TriangleRef};
+use crate::scene::{Material, Opacity, Scene, TriangleRef};
 
 /// The materials of two scenes, grouped by name or by look.
 pub(super) struct Materials {
@@ -98,9 +98,14 @@ fn look(material: &Material) -> String {
         .zip(look.textures)
         .filter_map(|(name, has)| has.then_some(name))
         .collect();
+    // As tools write it.
+    let opacity = match opacity {
+        Opacity::Mask { cutoff } => format!("Mask {{ cutoff: {:?} }}", *cutoff as f32),
+        other => format!("{other:?}"),
+    };
     let textured = if textures.is_empty() { String::new() } else { format!(", textures: {}", textures.join(", ")) };
     format!(
-        "of base color {:?}, metallic {}, roughness {}, emissive {:?}, {opacity:?}{sides}{textured}",
+        "of base color {:?}, metallic {}, roughness {}, emissive {:?}, {opacity}{sides}{textured}",
         look.base_color, look.metallic, look.roughness, look.emissive
     )
 }
@@ -109,7 +114,6 @@ fn look(material: &Material) -> String {
 mod tests {
     use super::super::test_scenes::{cube, scene};
     use super::*;
-    use crate::scene::Opacity;
     use glam::DAffine3;
 
     /// Returns a scene with a cube for each material, and one for the default material.

@@ -84,6 +84,26 @@ pub enum Failure {
     CannotTell(CannotTell),
     /// No ray hits anything in either file, and nothing else was compared.
     NothingHit,
+    /// Too many rays continue to another surface, and nothing else was compared.
+    FarHits {
+        /// How many do.
+        far_hits: u64,
+        /// How many were compared.
+        rays: u64,
+    },
+    /// Rays touched too small a share of the input's area, and nothing else was compared.
+    Untouched {
+        /// The share.
+        touched_area_ratio: f64,
+    },
+}
+
+impl Failure {
+    /// Whether it says that the files may be the same, or not.
+    pub(crate) fn is_unclear(&self) -> bool {
+        use Failure::{CannotTell, FarHits, NothingHit, Untouched};
+        matches!(self, CannotTell(_) | NothingHit | FarHits { .. } | Untouched { .. })
+    }
 }
 
 /// What can be wrong with a triangle.

@@ -30,7 +30,7 @@ use super::structure::{Fault, Record, Structure, allowed_error};
 use super::tracing::Seen;
 use super::views::ViewReport;
 use super::weights::Weights;
-use super::{Failure, FaultKind, Matching, Note, PerKind, Side, Sides, VerifyOptions};
+use super::{Failure, FaultKind, Matching, Note, PerKind, Side, Sides, VerifyOptions, surface};
 use crate::scene::Scene;
 
 /// Results of verifying a file.
@@ -85,6 +85,9 @@ pub struct Verification {
     /// What the device built; `None` on the CPU.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub structures: Option<Structures>,
+    /// Share of the input's area that is in triangles that rays hit; `None` unless only surfaces were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub touched_area_ratio: Option<f64>,
     /// The exact comparison; `None` if only surfaces were compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub structure: Option<Structure>,
@@ -127,7 +130,13 @@ pub(super) fn judge(
     failures.extend(ray_failure(&tally));
     failures.extend(seen.seams.is_worse().then_some(Failure::Seams(seen.seams)));
     let is_blind = tally.hits == 0 && scenes.before.triangles_placed().max(scenes.after.triangles_placed()) > 0;
-    failures.extend((structure.is_none() && failures.is_empty() && is_blind).then_some(Failure::NothingHit));
+    let touched_area_ratio = structure.is_none().then(|| surface::share_of_area(scenes.before, &tally.touched));
+    if failures.is_empty()
+        && let Some(share) = touched_area_ratio
+    {
+        failures.extend(is_blind.then_some(Failure::NothingHit));
+        failures.extend(blindness(&tally, share).filter(|_| !is_blind));
+    }
     match structure {
         _ if cannot_tell.is_nothing() => {}
         Some(_) => notes.push(Note::CannotTell(cannot_tell.clone())),
@@ -158,6 +167,7 @@ pub(super) fn judge(
         kinds: seen.timed.kinds,
         seconds: seen.timed.seconds,
         structures: seen.structures,
+        touched_area_ratio,
         structure,
         failures,
         notes,
@@ -182,6 +192,21 @@ fn structure_failures(structure: &Structure, options: &VerifyOptions) -> Vec<Fai
         suggested_max_position_error_ratio: structure.suggested_max_position_error_ratio,
     }));
     failures
+}
+
+/// Rays alone do not say "the same" if more of a million than this many continue to another surface.
+const MOST_FAR_PER_MILLION: u64 = 3;
+
+/// Rays alone do not say "the same" if they touch less than this share of the input's area.
+const LEAST_TOUCHED: f64 = 0.05;
+
+/// Why rays alone cannot tell, given the share of the area that they touched.
+fn blindness(tally: &Tally, touched_area_ratio: f64) -> Option<Failure> {
+    let Tally { far_hits, rays, .. } = *tally;
+    if far_hits * 1_000_000 > MOST_FAR_PER_MILLION * rays {
+        return Some(Failure::FarHits { far_hits, rays });
+    }
+    (touched_area_ratio < LEAST_TOUCHED).then_some(Failure::Untouched { touched_area_ratio })
 }
 
 /// What is worth knowing about the triangles, but no fault.
@@ -229,8 +254,7 @@ pub enum Verdict {
 /// Decides the result; faster means: weighted over ray kinds, by more than the uncertainty of the speedup.
 pub(crate) fn verdict(verification: &Verification, weights: &Weights, unchanged: bool) -> Verdict {
     if !verification.passed() {
-        let is_unclear = |failure: &Failure| matches!(failure, Failure::CannotTell(_) | Failure::NothingHit);
-        let unclear = verification.failures.iter().all(is_unclear);
+        let unclear = verification.failures.iter().all(Failure::is_unclear);
         return if unclear { Verdict::CannotTell } else { Verdict::Failed };
     }
     if unchanged {

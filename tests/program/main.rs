@@ -25,6 +25,7 @@ mod instancing;
 #[cfg(feature = "lab")]
 mod lab;
 mod mutations;
+mod peers;
 mod reports;
 mod roundtrip;
 mod samples;

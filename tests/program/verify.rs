@@ -155,3 +155,34 @@ fn a_device_verifies_two_files_too() {
     assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
     assert!(ran.json()["verify"]["blas_bytes"]["before"].as_u64() > Some(0));
 }
+
+/// A triangle placed by a node for each of these translations.
+fn placed(corners: [[f32; 3]; 3], translations: &[[f64; 3]]) -> Vec<u8> {
+    gltf(corners, [0, 1, 2], |json| {
+        let node = |(i, at): (usize, &[f64; 3])| json!({"mesh": 0, "name": format!("part {i}"), "translation": at});
+        json["nodes"] = translations.iter().enumerate().map(node).collect();
+        json["scenes"][0]["nodes"] = (0..translations.len()).collect();
+    })
+}
+
+#[test]
+fn objects_too_small_for_rays_to_tell_are_missed_all_the_same() {
+    let folder = TempDir::new().unwrap();
+    let at_8e6 = CORNERS.map(|[x, y, z]| [x + 8e6, y, z]);
+    let row = |count: usize| (0..count).map(|i| [3.0 * i as f64, 0.0, 0.0]).collect::<Vec<_>>();
+    let far = |count: usize| [&[[1e11, 0.0, 0.0]], &row(count)[..]].concat();
+    let pairs = [
+        (placed(at_8e6, &row(40)), placed(at_8e6, &row(30)), 10, "part 30"),
+        (placed(CORNERS, &far(40)), placed(CORNERS, &far(1)), 39, "part 2"),
+    ];
+    for (before, after, missing, first) in pairs {
+        let before = write(folder.path(), "before.glb", before);
+        let after = write(folder.path(), "after.glb", after);
+        let same = verify(&before, &before, &[]);
+        assert_eq!(same.status, 0, "{}", same.stderr);
+        let ran = verify(&before, &after, &["--json"]);
+        let words = [format!("{missing} triangles missing"), format!("`{first}`")];
+        assert!(ran.status == 1 && words.iter().all(|w| ran.stderr.contains(w)), "{}", ran.stderr);
+        assert_eq!(ran.json()["verify"]["structure"]["missing"]["count"], missing);
+    }
+}

@@ -14,6 +14,8 @@ mod record;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeSet;
+
 use limits::Limits;
 use pairs::{Pair, Pairs};
 use place::{Match, Rule, Seeker};
@@ -53,19 +55,32 @@ pub fn compare(identity: &Identity, max_position_error_ratio: f64) -> (Structure
     (Structure { power: power(scenes.before, &limits), ..structure }, pairs)
 }
 
+/// Returns the area of the given triangles of an instance, in world units.
+fn area_of(scene: &Scene, instance: u32, triangles: impl Iterator<Item = u32>) -> f64 {
+    triangles.map(|triangle| corners::area(scene.world_corners(TriangleRef { instance, triangle }))).sum()
+}
+
+/// Returns the area of all placed triangles, in world units.
+pub(super) fn area(scene: &Scene) -> f64 {
+    let count = |instance: &Instance| scene.meshes[instance.mesh.0 as usize].triangle_count() as u32;
+    let of_instance = |(i, instance): (usize, &Instance)| area_of(scene, i as u32, 0..count(instance));
+    scene.instances.par_iter().enumerate().map(of_instance).collect::<Vec<f64>>().iter().sum()
+}
+
+/// Returns the share of a scene's area that the given triangles are; 1 if nothing has an area.
+pub(super) fn share_of_area(scene: &Scene, touched: &BTreeSet<TriangleRef>) -> f64 {
+    let of_touched: f64 = touched.iter().map(|at| area_of(scene, at.instance, std::iter::once(at.triangle))).sum();
+    let all = area(scene);
+    if all > 0.0 { of_touched / all } else { 1.0 }
+}
+
 /// What the comparison looked at, and what it would have seen.
 fn power(before: &Scene, limits: &Limits) -> Power {
-    let of_instance = |(i, instance): (usize, &Instance)| {
-        let triangles = 0..before.meshes[instance.mesh.0 as usize].triangle_count() as u32;
-        let corners = |triangle| before.world_corners(TriangleRef { instance: i as u32, triangle });
-        triangles.map(|triangle| corners::area(corners(triangle))).sum::<f64>()
-    };
-    let areas: Vec<f64> = before.instances.par_iter().enumerate().map(of_instance).collect();
     let shares = (0..before.instances.len() as u32).map(|i| (i, limits.over_own_size(i, limits.of(i))));
     let worst = shares.reduce(|a, b| if b.1 > a.1 { b } else { a });
     let largest = (0..before.instances.len() as u32).map(|i| limits.of(i)).fold(0.0, f64::max);
     Power {
-        area: areas.iter().sum::<f64>().min(f64::MAX),
+        area: area(before).min(f64::MAX),
         smallest_displacement_seen: largest.min(f64::MAX),
         smallest_displacement_seen_ratio_of_object: worst.map_or(0.0, |(_, share)| share),
         object: worst.map(|(i, _)| before.instances[i as usize].display_name()),

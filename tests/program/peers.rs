@@ -1,0 +1,55 @@
+//! Outputs of other tools that show the same as their input are verified as the same.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::common::{Ran, raykiln, samples};
+use tempfile::TempDir;
+
+/// An operation of another tool, and how far it moves corners, over the scene's diagonal.
+const OPERATIONS: [(&str, &str); 6] = [
+    ("dedup", "1e-6"),
+    ("flatten", "1e-6"),
+    ("join", "1e-6"),
+    ("quantize", "1e-4"),
+    ("gltfpack", "1e-4"),
+    ("gltfpack-noq", "1e-6"),
+];
+
+/// Rewrites a file with another tool; panics if Node.js or the tool is missing.
+fn rewritten(operation: &str, input: &Path, folder: &Path) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let output = folder.join(operation).with_extension("glb");
+    let ran = Command::new("node")
+        .arg(root.join("tests/peers.mjs"))
+        .arg(root.join("target/npm"))
+        .arg(operation)
+        .args([input, &output])
+        .output()
+        .expect("node is installed; tests/all.sh does that");
+    assert!(ran.status.success(), "{operation}: {}", String::from_utf8_lossy(&ran.stderr));
+    output
+}
+
+fn verify(before: &Path, after: &Path, ratio: &str) -> Ran {
+    let [before, after] = [before, after].map(|path| path.to_str().expect("UTF-8"));
+    let fixed = ["--device", "cpu", "--rays", "500", "--repeats", "1", "--json"];
+    raykiln(["verify", before, after, "--max-position-error-ratio", ratio].iter().chain(&fixed))
+}
+
+fn gltf_samples() -> impl Iterator<Item = crate::common::Sample> {
+    samples().into_iter().filter(|s| s.scene.extension().is_some_and(|e| e != "obj"))
+}
+
+#[test]
+fn what_other_tools_leave_the_same_is_the_same() {
+    for sample in gltf_samples() {
+        let folder = TempDir::new().expect("a temporary folder");
+        for (operation, ratio) in OPERATIONS {
+            let output = rewritten(operation, &sample.scene, folder.path());
+            let ran = verify(&sample.scene, &output, ratio);
+            assert_eq!(ran.status, 0, "{} {operation}: {}", sample.name, ran.stderr);
+            assert_eq!(ran.json()["matched_by"], "place");
+        }
+    }
+}
