@@ -20,6 +20,7 @@ pub(crate) const KHR_MATERIALS_CLEARCOAT: &str = "KHR_materials_clearcoat";
 pub(crate) const KHR_MATERIALS_EMISSIVE_STRENGTH: &str = "KHR_materials_emissive_strength";
 pub(crate) const KHR_MATERIALS_IOR: &str = "KHR_materials_ior";
 pub(crate) const KHR_MATERIALS_SHEEN: &str = "KHR_materials_sheen";
+pub(crate) const KHR_MATERIALS_VARIANTS: &str = "KHR_materials_variants";
 pub(crate) const KHR_MESH_QUANTIZATION: &str = "KHR_mesh_quantization";
 pub(crate) const KHR_MESHOPT_COMPRESSION: &str = "KHR_meshopt_compression";
 pub(crate) const KHR_NODE_HOVERABILITY: &str = "KHR_node_hoverability";

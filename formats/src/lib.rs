@@ -35,6 +35,7 @@ pub mod error;
 mod extension_names;
 mod gltf;
 mod obj;
+pub mod properties;
 pub mod staging;
 pub mod unchecked;
 

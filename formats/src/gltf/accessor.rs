@@ -129,6 +129,17 @@ impl<'d> Accessor<'d> {
         self.decode(&bytes, stride).collect()
     }
 
+    /// Returns the components of all elements, one after the other, as 64-bit floats; integers are dequantised.
+    pub(super) fn all_numbers(&self) -> Vec<f64> {
+        let (bytes, stride) = self.bytes();
+        let (element, size) = (self.element, self.element.component.size());
+        let width = element_size(self.kind, element);
+        let column = width / columns_of(self.kind);
+        let stored = element.components / columns_of(self.kind) * size;
+        let columns = elements(&bytes, stride, width).flat_map(|e| e.chunks_exact(column.max(1)));
+        columns.flat_map(|c| c[..stored].chunks_exact(size).map(|raw| element.number(raw))).collect()
+    }
+
     fn decode<'b, const N: usize>(&self, bytes: &'b [u8], stride: usize) -> impl Iterator<Item = [f64; N]> + 'b {
         let element = self.element;
         let size = element.component.size();
@@ -176,13 +187,19 @@ fn components_of(kind: &str) -> Option<usize> {
 
 /// Returns the size of an element in bytes; matrix columns start at multiples of four bytes.
 fn element_size(kind: &str, element: Element) -> usize {
-    let columns = match kind {
+    match columns_of(kind) {
+        1 => element.size(),
+        columns => columns * (columns * element.component.size()).next_multiple_of(4),
+    }
+}
+
+fn columns_of(kind: &str) -> usize {
+    match kind {
         "MAT2" => 2,
         "MAT3" => 3,
         "MAT4" => 4,
-        _ => return element.size(),
-    };
-    columns * (columns * element.component.size()).next_multiple_of(4)
+        _ => 1,
+    }
 }
 
 /// Returns the bytes of a run of elements in the buffer view that an index property refers to, and their stride. The

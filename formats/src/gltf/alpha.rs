@@ -12,7 +12,7 @@ use crate::extension_names::{
 use crate::{Document, Error};
 
 /// Extensions that refer to an image in another format.
-const SOURCES: [&str; 4] = [KHR_TEXTURE_BASISU, EXT_TEXTURE_WEBP, EXT_TEXTURE_AVIF, MSFT_TEXTURE_DDS];
+pub(super) const SOURCES: [&str; 4] = [KHR_TEXTURE_BASISU, EXT_TEXTURE_WEBP, EXT_TEXTURE_AVIF, MSFT_TEXTURE_DDS];
 
 pub(crate) fn alpha_test(doc: &Document, material: usize) -> Result<AlphaTest, Error> {
     let root = At::root(doc);
@@ -58,7 +58,7 @@ fn wraps(sampler: &At<'_>) -> Result<[Wrap; 2], Error> {
 }
 
 /// Returns the texture transform: scale, then rotation (counter-clockwise as seen with v pointing down), then offset.
-fn transformed(at: &At<'_>) -> Result<DAffine2, Error> {
+pub(super) fn transformed(at: &At<'_>) -> Result<DAffine2, Error> {
     let pair = |key, default: f64| match at.get(key) {
         Some(pair) => pair.numbers::<2>().map(DVec2::from_array),
         None => Ok(DVec2::splat(default)),

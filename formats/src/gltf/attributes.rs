@@ -12,6 +12,16 @@ pub(crate) fn attributes(doc: &Document, mesh: usize, primitive: usize) -> Vec<A
     accessors.into_iter().map(|(name, accessor)| attribute(name, &accessor)).collect()
 }
 
+pub(crate) fn targets(doc: &Document, mesh: usize, primitive: usize) -> Vec<Vec<Attribute<'_>>> {
+    let primitives = At::root(doc).get("meshes").and_then(|meshes| meshes.element(mesh)?.get("primitives"));
+    let targets = primitives.and_then(|list| list.element(primitive)?.get("targets")?.elements().ok());
+    let read = |(name, index): (&str, At<'_>)| {
+        let accessor = Accessor::read(doc, super::json::unsigned(index.value)?).ok()?;
+        Some(attribute(name, &accessor))
+    };
+    targets.into_iter().flatten().map(|at| at.entries().into_iter().flatten().filter_map(read).collect()).collect()
+}
+
 pub(crate) fn scalars(doc: &Document, accessor: usize) -> Option<Vec<u32>> {
     Accessor::read(doc, accessor).ok()?.scalars()
 }

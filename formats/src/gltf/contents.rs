@@ -57,7 +57,7 @@ fn check_skins(doc: &Document, nodes: usize) -> Result<(), Error> {
 }
 
 /// Returns the roots of the default scene, and marks the nodes shown by other scenes.
-fn scenes(root: &At<'_>, nodes: &mut [Node]) -> Result<Vec<usize>, Error> {
+pub(super) fn scenes(root: &At<'_>, nodes: &mut [Node]) -> Result<Vec<usize>, Error> {
     let count = root.count("scenes");
     let default = root.index("scene", "scenes", count)?.unwrap_or(0);
     let mut roots = Vec::new();

@@ -93,7 +93,7 @@ impl<'v> At<'v> {
     }
 
     /// Returns the elements of an array property; none if it is absent.
-    pub(super) fn list(&self, key: &'v str) -> Result<impl ExactSizeIterator<Item = At<'v>> + Clone, Error> {
+    pub(super) fn list(&self, key: &'v str) -> Result<impl ExactSizeIterator<Item = At<'v>> + Clone + use<'v>, Error> {
         static NONE: Value = Value::Array(Vec::new());
         self.get(key).unwrap_or_else(|| self.down(Step::Key(key), &NONE)).elements()
     }

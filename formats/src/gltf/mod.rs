@@ -18,6 +18,7 @@ mod node;
 mod pack;
 mod positions;
 mod primitive;
+pub(crate) mod properties;
 mod provenance;
 pub(crate) mod read;
 pub(crate) mod staged;

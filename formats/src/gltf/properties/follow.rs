@@ -1,0 +1,138 @@
+//! Follows references.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::super::accessor::Accessor;
+use super::super::extensions::MESHOPT;
+use super::super::json::{At, unsigned};
+use super::{element, materials};
+use crate::Document;
+use crate::extension_names::*;
+use crate::properties::Property;
+
+/// Returns a value without following anything. The parser limits the depth.
+pub(super) fn plain(value: &Value) -> Property {
+    match value {
+        Value::Null => Property::Null,
+        Value::Bool(value) => Property::Bool(*value),
+        Value::Number(number) => Property::Number(number.as_f64().unwrap_or(f64::NAN)),
+        Value::String(text) => Property::Text(text.clone()),
+        Value::Array(list) => Property::List(list.iter().map(plain).collect()),
+        Value::Object(map) => Property::Object(map.iter().map(|(key, value)| (key.clone(), plain(value))).collect()),
+    }
+}
+
+/// Returns the elements of an accessor.
+pub(super) fn numbers(doc: &Document, accessor: &Value) -> Option<Vec<f64>> {
+    let accessor = Accessor::read(doc, unsigned(accessor)?).ok()?;
+    Some(accessor.all_numbers())
+}
+
+/// Returns the extensions of an object by name, with the references of those that are known followed.
+pub(super) fn extensions(doc: &Document, at: &At<'_>) -> BTreeMap<String, Property> {
+    let all = at.get("extensions").and_then(|all| all.value.as_object());
+    let followed = all.into_iter().flatten().map(|(name, value)| (name.clone(), extension(doc, name, value)));
+    followed.filter_map(|(name, property)| Some((name, property?))).collect()
+}
+
+/// Returns an extension of a node, mesh, primitive or scene; `None` if it is compression or says nothing more.
+fn extension(doc: &Document, name: &str, value: &Value) -> Option<Property> {
+    let referred = |list: &str, key: &str| {
+        let index = unsigned(value.get(key)?)?;
+        doc.json.get("extensions")?.get(name)?.get(list)?.get(index)
+    };
+    match name {
+        KHR_DRACO_MESH_COMPRESSION => None,
+        _ if MESHOPT.contains(&name) => None,
+        EXT_MESH_GPU_INSTANCING => copies(doc, value),
+        KHR_LIGHTS_PUNCTUAL => Some(referred("lights", "light").map_or_else(|| plain(value), light)),
+        EXT_LIGHTS_IMAGE_BASED => Some(referred("lights", "light").map_or_else(|| plain(value), images)),
+        KHR_XMP | KHR_XMP_JSON_LD => Some(referred("packets", "packet").map_or_else(|| plain(value), plain)),
+        KHR_MATERIALS_VARIANTS => Some(variants(doc, value)),
+        MSFT_LOD => Some(nodes(value, "ids")),
+        _ => Some(textures(doc, value)),
+    }
+}
+
+/// Returns what `EXT_mesh_gpu_instancing` says besides where the copies are.
+fn copies(doc: &Document, value: &Value) -> Option<Property> {
+    let attributes = value.get("attributes")?.as_object()?;
+    let more = attributes.iter().filter(|(name, _)| !["TRANSLATION", "ROTATION", "SCALE"].contains(&name.as_str()));
+    let more: BTreeMap<_, _> =
+        more.filter_map(|(name, accessor)| Some((name.clone(), Property::Numbers(numbers(doc, accessor)?)))).collect();
+    (!more.is_empty()).then_some(Property::Object(more))
+}
+
+/// Returns a light of `KHR_lights_punctual` without its name and without properties that equal their default.
+fn light(value: &Value) -> Property {
+    let Property::Object(mut light) = plain(value) else { return plain(value) };
+    light.remove("name");
+    let one = Property::Number(1.0);
+    light.retain(|key, value| match key.as_str() {
+        "intensity" => *value != one,
+        "color" => *value != Property::List(vec![one.clone(); 3]),
+        _ => true,
+    });
+    Property::Object(light)
+}
+
+/// Follows the lists of images of a light of `EXT_lights_image_based`.
+fn images(light: &Value) -> Property {
+    let mut followed = plain(light);
+    fn follow(property: &mut Property) {
+        match property {
+            Property::List(list) => list.iter_mut().for_each(follow),
+            Property::Number(index) => *property = Property::Image(*index as usize),
+            _ => {}
+        }
+    }
+    if let Property::Object(map) = &mut followed {
+        map.get_mut("specularImages").into_iter().for_each(follow);
+    }
+    followed
+}
+
+/// Returns the material that each variant shows, by the variant's name.
+fn variants(doc: &Document, value: &Value) -> Property {
+    let root = doc.json.get("extensions").and_then(|e| e.get(KHR_MATERIALS_VARIANTS));
+    let name = |index: &Value| {
+        let variant = root.and_then(|root| root.get("variants")?.get(unsigned(index)?)?.get("name")?.as_str());
+        variant.map_or_else(|| index.to_string(), str::to_owned)
+    };
+    let mut shown = BTreeMap::new();
+    for mapping in value.get("mappings").and_then(Value::as_array).into_iter().flatten() {
+        let material = Property::Material(mapping.get("material").and_then(unsigned));
+        for variant in mapping.get("variants").and_then(Value::as_array).into_iter().flatten() {
+            shown.insert(name(variant), material.clone());
+        }
+    }
+    Property::Object(shown)
+}
+
+fn nodes(value: &Value, key: &str) -> Property {
+    let mut followed = plain(value);
+    if let (Property::Object(map), Some(list)) = (&mut followed, value.get(key).and_then(Value::as_array)) {
+        map.insert(key.to_owned(), Property::List(list.iter().filter_map(unsigned).map(Property::Node).collect()));
+    }
+    followed
+}
+
+/// Returns a value in which each `texture` stands as what it samples.
+fn textures(doc: &Document, value: &Value) -> Property {
+    match value {
+        Value::Object(map) => Property::Object(
+            map.iter()
+                .map(|(key, value)| {
+                    let index = (key == "texture").then(|| unsigned(value.get("index")?)).flatten();
+                    let texture = index.and_then(|index| element(doc, "textures", index));
+                    let more = || textures(doc, value);
+                    (key.clone(), texture.map_or_else(more, |at| materials::texture(doc, &at)))
+                })
+                .collect(),
+        ),
+        Value::Array(list) => Property::List(list.iter().map(|value| textures(doc, value)).collect()),
+        other => plain(other),
+    }
+}
