@@ -8,6 +8,7 @@ pub mod accuracy;
 pub mod approach;
 pub mod build;
 pub mod compare;
+pub mod contents;
 pub mod cpu;
 pub mod device;
 pub mod errors;
