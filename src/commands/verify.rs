@@ -3,13 +3,15 @@
 use std::path::Path;
 use std::time::Instant;
 
+use raykiln_formats::Document;
+
 use crate::commands::CommandError;
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::report::{Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict;
-use crate::verify::{Machine, Matching, Sides, VerifyOptions};
+use crate::verify::{Exact, Machine, Matching, Sides, VerifyOptions};
 
 /// How to match the triangles of two files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,15 +35,18 @@ pub fn compare(
 ) -> Result<VerifyReport, CommandError> {
     let start = Instant::now();
     let machine = Machine::open(&options.device)?;
-    let (scene_before, warnings_before) = read(before)?;
-    let (scene_after, warnings_after) = read(after)?;
+    let (doc_before, scene_before, warnings_before) = read_file(before)?;
+    let (doc_after, scene_after, warnings_after) = read_file(after)?;
     let matching = by.choose();
     let options = VerifyOptions { matching, ..options.clone() };
+    let scenes = Sides { before: &scene_before, after: &scene_after };
+    let exact = Exact::of_files(Sides { before: &doc_before, after: &doc_after }, scenes, None, &options)?;
+    // Tracing needs the memory.
+    drop((doc_before, doc_after));
     let trees_before = MeshTrees::build(&scene_before);
     let trees_after = trees_before.build_for(&scene_before, &scene_after, &[]);
-    let scenes = Sides { before: &scene_before, after: &scene_after };
     let trees = Sides { before: &trees_before, after: &trees_after };
-    let verification = machine.verify_with(scenes, trees, &options)?;
+    let verification = machine.verify_with(scenes, trees, exact.as_ref(), &options)?;
     let blas_per = options.build.blas_per;
     let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
     let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
@@ -66,12 +71,18 @@ pub fn compare(
 }
 
 /// Reads a file as a scene, with warnings about what the reader repaired or omitted.
+#[cfg(feature = "lab")]
 pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
+    read_file(path).map(|(_, scene, warnings)| (scene, warnings))
+}
+
+/// Reads a file and its scene, with warnings about what the reader repaired or omitted.
+fn read_file(path: &Path) -> Result<(Document, Scene, Vec<String>), CommandError> {
     let doc = raykiln_formats::read(path)?;
     let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
     scene.check().map_err(|e| CommandError::Internal(e.0))?;
     let words = doc.warnings.iter().chain(&warnings).map(|w| format!("{}: {w}", path.display())).collect();
-    Ok((scene, words))
+    Ok((doc, scene, words))
 }
 
 impl MatchBy {

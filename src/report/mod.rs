@@ -2,6 +2,7 @@
 
 pub mod candidates;
 mod choice;
+mod contents;
 mod devices;
 mod findings;
 pub mod json;

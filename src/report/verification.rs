@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Serialize, Serializer};
 
 use super::words::{counted, grouped};
+use crate::verify::seams::Seams;
 use crate::verify::sight::CannotTell;
 use crate::verify::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Side, Target, Verification, WhyCpu, Wrong};
 
@@ -43,18 +44,12 @@ impl Display for Failure {
                     None => Ok(()),
                 }
             }
+            Failure::Differs(difference) => write!(f, "{difference}"),
             Failure::Rays { mismatches, rays, examples } => {
                 let examples: Vec<String> = examples.iter().map(ToString::to_string).collect();
                 write!(f, "{mismatches} of {rays} rays see something else: {}", examples.join("; "))
             }
-            Failure::Seams(seams) => write!(
-                f,
-                "the surface has cracks: of {} rays aimed at shared edges and vertices, {} pass through the output and {} \
-                 through the input",
-                grouped(seams.rays),
-                grouped(seams.after_lost),
-                grouped(seams.before_lost)
-            ),
+            Failure::Seams(seams) => f.write_str(&cracks(seams)),
             Failure::FarHits { far_hits, rays } => write!(
                 f,
                 "cannot tell: {} of {} rays hit another surface in the output, or nothing, which rounding may explain",
@@ -161,6 +156,8 @@ impl Display for Note {
                  relies on it",
                 lies(*confirmed)
             ),
+            Note::Seams(seams) => write!(f, "{}; corners are off, as allowed", cracks(seams)),
+            Note::Differs(difference) => write!(f, "{difference}"),
             Note::Degenerate(side, count, first) => write!(
                 f,
                 "only the {} has {} without area, which no ray sees, the first {first}",
@@ -170,6 +167,16 @@ impl Display for Note {
             Note::OpaqueTextures(side, textures) => write!(f, "{}: {textures}", file(*side)),
         }
     }
+}
+
+fn cracks(seams: &Seams) -> String {
+    format!(
+        "the surface has cracks: of {} rays aimed at shared edges and vertices, {} pass through the output and {} through \
+         the input",
+        grouped(seams.rays),
+        grouped(seams.after_lost),
+        grouped(seams.before_lost)
+    )
 }
 
 fn file(side: Side) -> &'static str {

@@ -9,7 +9,7 @@ use super::{
 };
 use serde::Serialize;
 
-use super::{Note, Sides, Verification, VerifyOptions, verify_on_cpu};
+use super::{Exact, Note, Sides, Verification, VerifyOptions, verify_on_cpu};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 
@@ -124,7 +124,8 @@ impl Machine {
         self.device.as_ref().map_or(0, Device::peak_memory)
     }
 
-    /// Like [`Machine::verify`] of the second scene against the first, with given trees of their meshes.
+    /// Like [`Machine::verify`] of the second scene against the first, with given trees of their meshes, and the
+    /// results of comparing them exhaustively.
     ///
     /// # Errors
     /// See [`Machine::verify`].
@@ -132,18 +133,19 @@ impl Machine {
         &self,
         scenes: Sides<&Scene>,
         trees: Sides<&MeshTrees>,
+        exact: Option<&Exact>,
         options: &VerifyOptions,
     ) -> Result<Verification, DeviceError> {
         let mut notes = self.notes.clone();
-        let found = match self.device.as_ref().map(|device| verify_on(device, scenes, trees.before, options)) {
-            None => verify_on_cpu(scenes, trees, options),
+        let found = match self.device.as_ref().map(|device| verify_on(device, scenes, trees.before, exact, options)) {
+            None => verify_on_cpu(scenes, trees, exact, options),
             Some(Ok((found, note))) => {
                 notes.extend(note);
                 found
             }
             Some(Err(e)) if !self.named || matches!(e, Error::OutOfMemory { .. } | Error::Limit { .. }) => {
                 notes.push(Note::OnCpu(WhyCpu::Failed(e.to_string())));
-                verify_on_cpu(scenes, trees, options)
+                verify_on_cpu(scenes, trees, exact, options)
             }
             Some(Err(e)) => return Err(DeviceError(e.to_string())),
         };
@@ -176,6 +178,7 @@ fn verify_on(
     device: &Device,
     scenes: Sides<&Scene>,
     trees_before: &MeshTrees,
+    exact: Option<&Exact>,
     options: &VerifyOptions,
 ) -> Result<(Verification, Option<Note>), Error> {
     let Sides { before, after } = scenes;
@@ -186,7 +189,7 @@ fn verify_on(
         let both = build(before).and_then(|first| Ok(Sides { before: first, after: build(after)? }));
         let trees = trees.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         let reference = Reference::new(&trees);
-        let verify = |tracers: Tracers<'_, _>| verify_with(scenes, &reference, tracers, options);
+        let verify = |tracers: Tracers<'_, _>| verify_with(scenes, exact, &reference, tracers, options);
         match both.and_then(|both| verify(Tracers::Together(both.as_ref()))) {
             Err(why @ Error::OutOfMemory { .. }) => {
                 let found = verify(Tracers::OneByOne(Sides { before: &|| build(before), after: &|| build(after) }))?;
@@ -215,7 +218,8 @@ impl Machine {
         ("CPU", MachineKind::Cpu)
     }
 
-    /// Like [`Machine::verify`] of the second scene against the first, with given trees of their meshes.
+    /// Like [`Machine::verify`] of the second scene against the first, with given trees of their meshes, and the
+    /// results of comparing them exhaustively.
     ///
     /// # Errors
     /// None.
@@ -223,9 +227,10 @@ impl Machine {
         &self,
         scenes: Sides<&Scene>,
         trees: Sides<&MeshTrees>,
+        exact: Option<&Exact>,
         options: &VerifyOptions,
     ) -> Result<Verification, DeviceError> {
-        Ok(Verification { notes: self.notes.clone(), ..verify_on_cpu(scenes, trees, options) })
+        Ok(Verification { notes: self.notes.clone(), ..verify_on_cpu(scenes, trees, exact, options) })
     }
 }
 
@@ -236,8 +241,9 @@ impl Machine {
     /// # Errors
     /// Fails if a requested device fails for another reason.
     pub fn verify(&self, before: &Scene, after: &Scene, options: &VerifyOptions) -> Result<Verification, DeviceError> {
-        let none = &MeshTrees::default();
-        self.verify_with(Sides { before, after }, Sides { before: none, after: none }, options)
+        let (none, scenes) = (&MeshTrees::default(), Sides { before, after });
+        let exact = Exact::of_scenes(scenes, options);
+        self.verify_with(scenes, Sides { before: none, after: none }, exact.as_ref(), options)
     }
 
     /// What it does otherwise than asked.

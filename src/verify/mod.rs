@@ -12,6 +12,7 @@ pub mod contents;
 pub mod cpu;
 pub mod device;
 pub mod errors;
+mod exact;
 mod hit_surfaces;
 pub mod identity;
 mod materials;
@@ -45,8 +46,8 @@ use build::BuildOptions;
 use compare::Comparison;
 use cpu::{CpuTracer, Reference, TwoLevel};
 pub use device::{DeviceChoice, DeviceError, Machine, MachineKind};
+pub use exact::Exact;
 use hit_surfaces::Surfaces;
-use identity::Identity;
 pub use note::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Target, WhyCpu, Wrong};
 pub use per_kind::PerKind;
 pub use race::{RaceResult, Timing, race_on_cpu};
@@ -145,35 +146,43 @@ pub struct Hit {
 
 /// Verifies `after`, the written file, against `before`, the input, on the CPU.
 pub fn verify(before: &Scene, after: &Scene, options: &VerifyOptions) -> Verification {
-    let none = &MeshTrees::default();
-    verify_on_cpu(Sides { before, after }, Sides { before: none, after: none }, options)
+    let (none, scenes) = (&MeshTrees::default(), Sides { before, after });
+    let exact = Exact::of_scenes(scenes, options);
+    verify_on_cpu(scenes, Sides { before: none, after: none }, exact.as_ref(), options)
 }
 
-/// Like [`verify`], with given trees of the scenes' meshes.
-fn verify_on_cpu(scenes: Sides<&Scene>, trees: Sides<&MeshTrees>, options: &VerifyOptions) -> Verification {
+/// Like [`verify`], with given trees of the scenes' meshes, and the results of comparing them exhaustively.
+fn verify_on_cpu(
+    scenes: Sides<&Scene>,
+    trees: Sides<&MeshTrees>,
+    exact: Option<&Exact>,
+    options: &VerifyOptions,
+) -> Verification {
     let Sides { before, after } = scenes.zip(trees);
     let (before, after) =
         rayon::join(|| TwoLevel::build_with(before.0, before.1), || TwoLevel::build_with(after.0, after.1));
     let reference = Reference::new(&before);
     let tracers = Sides { before: CpuTracer::new(&before), after: CpuTracer::new(&after) };
-    let Ok(found) = verify_with(scenes, &reference, tracers.as_ref(), options);
+    let Ok(found) = verify_with(scenes, exact, &reference, tracers.as_ref(), options);
     found
 }
 
-/// Verifies with one tracer per scene; `reference` is that of `before`.
+/// Verifies with one tracer per scene; `reference` is that of `before`. Without an `exact` comparison, only what rays see
+/// is compared.
 ///
 /// # Errors
 /// Returns the errors of the tracers.
 pub fn verify_with<'t, T: Tracer + 't>(
     scenes: Sides<&Scene>,
+    exact: Option<&Exact>,
     reference: &Reference,
     tracers: impl Into<Tracers<'t, T>>,
     options: &VerifyOptions,
 ) -> Result<Verification, T::Error> {
-    let Sides { before, after } = scenes;
+    let before = scenes.before;
     let tracers = tracers.into();
     let rays = rays::generate(before, reference, &options.sampling(options.rays_per_kind as usize, None));
-    if options.matching == Matching::Surface {
+    let Some(exact) = exact else {
         let surfaces = Surfaces::new(scenes, reference, rays.radius, options);
         let compare = |kind, rays: &[_], hits: Sides<&[_]>| surfaces.compare(kind, rays, hits);
         let aimed = Aimed::new(before, None, options.max_position_error_ratio * reference_length(before), options);
@@ -181,12 +190,11 @@ pub fn verify_with<'t, T: Tracer + 't>(
         seen.notes.extend(surfaces.note());
         let cannot_tell = surfaces.cannot_tell(&seen.tally);
         return Ok(verdict::judge(scenes, seen, None, cannot_tell, options));
-    }
-    let (structure, pairs) = surface::compare(&Identity::new(before, after), options.max_position_error_ratio);
-    let comparison = Comparison::new(scenes, &pairs, reference, &structure, rays.radius, options);
+    };
+    let comparison = Comparison::new(scenes, &exact.pairs, reference, &exact.structure, rays.radius, options);
     let compare = |kind, rays: &[_], hits: Sides<&[_]>| comparison.compare(kind, rays, hits);
-    let aimed = Aimed::new(before, Some(&pairs), comparison.displacement(), options);
+    let aimed = Aimed::new(before, Some(&exact.pairs), comparison.displacement(), options);
     let seen = tracing::trace(before, &rays, &aimed, tracers, options, compare)?;
     let cannot_tell = comparison.cannot_tell(&seen.tally);
-    Ok(verdict::judge(scenes, seen, Some(structure), cannot_tell, options))
+    Ok(verdict::judge(scenes, seen, Some(exact), cannot_tell, options))
 }

@@ -1,12 +1,13 @@
 //! What a verification did otherwise than asked; [`crate::report`] puts it into words.
 
 use super::Side;
+use super::contents::Difference;
 use super::rays::RayKind;
 use super::seams::Seams;
 use super::sight::CannotTell;
 
 /// Something that a verification did otherwise than asked.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Note {
     /// Rays are traced on the CPU.
     OnCpu(WhyCpu),
@@ -20,6 +21,10 @@ pub enum Note {
     RecordedElsewhere(u64, String),
     /// Most of the triangles are not those that the output records: how many are.
     OfAnotherInput(u64),
+    /// More rays are lost at edges and vertices than in the input, but corners may be that far off.
+    Seams(Seams),
+    /// Something beyond the places of triangles differs, without harm.
+    Differs(Difference),
     /// Triangles without area that only one of the files has: how many, and the first.
     Degenerate(Side, u64, String),
     /// On the way through one of the files some textures count as opaque.
@@ -69,6 +74,8 @@ pub enum Failure {
         /// The ratio with which the files would be the same, if there is one.
         suggested_max_position_error_ratio: Option<f64>,
     },
+    /// Something beyond the places of triangles differs.
+    Differs(Difference),
     /// Rays see something else.
     Rays {
         /// How many do.

@@ -5,7 +5,7 @@
 //!   flipped or moved by more than the position error allowed, or (if asked) recorded as another one,
 //! - a ray hits something else in it than in the input, and neither rounding nor a tie explains that, or
 //! - more rays aimed at its edges and vertices are lost than in the input, by more than chance explains
-//!   ([`Seams::is_worse`]).
+//!   ([`Seams::is_worse`]); a note if the user allows larger position errors than a bake makes, and the file has them.
 //!
 //! Rounding explains a difference if the ray passes the edge of the triangle at issue within the slack, the sum of
 //! - what single precision may move a ray beside an edge ([`Magnitude::slack`](super::rounding::Magnitude::slack)), and
@@ -22,6 +22,7 @@ use serde::Serialize;
 use super::accuracy::Accuracy;
 use super::build::Structures;
 use super::compare::Tally;
+use super::contents::{ContentsReport, Severity};
 use super::errors::{ErrorReport, Histogram};
 use super::seams::Seams;
 use super::sight::CannotTell;
@@ -30,7 +31,7 @@ use super::structure::{Fault, Record, Structure, allowed_error};
 use super::tracing::Seen;
 use super::views::ViewReport;
 use super::weights::Weights;
-use super::{Failure, FaultKind, Matching, Note, PerKind, Side, Sides, VerifyOptions, surface};
+use super::{Exact, Failure, FaultKind, Matching, Note, PerKind, Side, Sides, VerifyOptions, surface};
 use crate::scene::Scene;
 
 /// Results of verifying a file.
@@ -91,6 +92,10 @@ pub struct Verification {
     /// The exact comparison; `None` if only surfaces were compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub structure: Option<Structure>,
+    /// The comparison of what the files mean beyond the places of triangles; `None` if only surfaces were compared, or if
+    /// the output is the input byte for byte.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contents: Option<ContentsReport>,
     /// Why the file fails; empty if it passes.
     pub failures: Vec<Failure>,
     /// Deviations from what was requested, such as tracing on the CPU; for the report's own notes.
@@ -115,20 +120,33 @@ impl Verification {
     }
 }
 
-/// Applies the rules; without a `structure`, only the traced rays count.
+/// Applies the rules; without an `exact` comparison, only the traced rays count.
 pub(super) fn judge(
     scenes: Sides<&Scene>,
     seen: Seen,
-    structure: Option<Structure>,
+    exact: Option<&Exact>,
     cannot_tell: CannotTell,
     options: &VerifyOptions,
 ) -> Verification {
     let Seen { tally, mut notes, .. } = seen;
+    let structure = exact.map(|exact| exact.structure.clone());
+    let contents = exact.and_then(|exact| exact.contents.clone());
     let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
+    for difference in contents.iter().flat_map(|contents| &contents.differences) {
+        match difference.severity {
+            Severity::Error => failures.push(Failure::Differs(difference.clone())),
+            Severity::Note => notes.push(Note::Differs(difference.clone())),
+        }
+    }
     let records = scenes.after.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some());
     notes.extend(structure.iter().flat_map(|s| structure_notes(s, records, options)));
     failures.extend(ray_failure(&tally));
-    failures.extend(seen.seams.is_worse().then_some(Failure::Seams(seen.seams)));
+    if seen.seams.is_worse() {
+        match moved_as_allowed(structure.as_ref(), options) {
+            true => notes.push(Note::Seams(seen.seams)),
+            false => failures.push(Failure::Seams(seen.seams)),
+        }
+    }
     let is_blind = tally.hits == 0 && scenes.before.triangles_placed().max(scenes.after.triangles_placed()) > 0;
     let touched_area_ratio = structure.is_none().then(|| surface::share_of_area(scenes.before, &tally.touched));
     if failures.is_empty()
@@ -169,6 +187,7 @@ pub(super) fn judge(
         structures: seen.structures,
         touched_area_ratio,
         structure,
+        contents,
         failures,
         notes,
     }
@@ -192,6 +211,14 @@ fn structure_failures(structure: &Structure, options: &VerifyOptions) -> Vec<Fai
         suggested_max_position_error_ratio: structure.suggested_max_position_error_ratio,
     }));
     failures
+}
+
+/// Whether corners are farther off than a bake may move them, because the user allows it: then cracks of that width are
+/// allowed, too.
+fn moved_as_allowed(structure: Option<&Structure>, options: &VerifyOptions) -> bool {
+    let usual = VerifyOptions::default().max_position_error_ratio;
+    let moved = structure.map_or(options.max_position_error_ratio, |structure| structure.position_error_ratio);
+    moved > usual && options.max_position_error_ratio > usual
 }
 
 /// Rays alone do not say "the same" if more of a million than this many continue to another surface.

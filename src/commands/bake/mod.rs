@@ -24,7 +24,7 @@ use crate::layout::Layout;
 use crate::report::{self, BakeReport, Input, MethodReport, Pass, ReportedOptions, Seconds, Speed};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
-use crate::verify::{Machine, Sides, Verification, VerifyOptions};
+use crate::verify::{Exact, Machine, Sides, Verification, VerifyOptions};
 use clock::Clock;
 use copies::SharedScene;
 
@@ -208,18 +208,20 @@ impl Tried {
         clock.enter(Stage::Write);
         let written = write(&doc, &staged.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
         drop(staged);
-        // Verification needs the memory of what will not be written again.
-        let doc = can_be_left_alone(&chosen).then_some(doc);
         clock.enter(Stage::Verify);
-        let tried = Tried::new((scene, trees), written, &chosen, output, machine, options)?;
+        let read_back = ReadBack::new(&doc, scene, &written, output, options)?;
+        // Tracing needs the memory of what will not be written again.
+        let doc = can_be_left_alone(&chosen).then_some(doc);
+        let tried = Tried::new((scene, trees), written, read_back, &chosen, machine, options)?;
         let Some(doc) = doc.filter(|_| tried.verdict == Verdict::NotFaster) else { return Ok((chosen, tried)) };
         drop(tried);
         let chosen = chosen.left_alone(scene);
         clock.enter(Stage::Write);
         let written = write(&doc, &scene.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
-        drop(doc);
         clock.enter(Stage::Verify);
-        let tried = Tried::new((scene, trees), written, &chosen, output, machine, options)?;
+        let read_back = ReadBack::new(&doc, scene, &written, output, options)?;
+        drop(doc);
+        let tried = Tried::new((scene, trees), written, read_back, &chosen, machine, options)?;
         Ok((chosen, tried))
     }
 
@@ -227,16 +229,16 @@ impl Tried {
     fn new(
         (scene, trees): (&Scene, &MeshTrees),
         written: Written,
+        read_back: ReadBack,
         chosen: &Chosen,
-        output: &Path,
         machine: &Machine,
         options: &BakeOptions,
     ) -> Result<Tried, CommandError> {
-        let after = read_back(&written, output)?;
+        let ReadBack { after, exact } = read_back;
         let after_trees = trees.build_for(scene, &after, &chosen.trees);
         let scenes = Sides { before: scene, after: &after };
         let trees_of_both = Sides { before: trees, after: &after_trees };
-        let verification = machine.verify_with(scenes, trees_of_both, &options.verify)?;
+        let verification = machine.verify_with(scenes, trees_of_both, exact.as_ref(), &options.verify)?;
         let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
         Ok(Tried { written, after, trees: after_trees, verification, verdict })
     }
@@ -295,12 +297,35 @@ fn write(
     Ok(Written { staged, unchanged, copied: copied_if_asked, pruned: pruned_if_asked, notes, seconds })
 }
 
-/// Reads the staged file back.
-fn read_back(written: &Written, output: &Path) -> Result<Scene, raykiln_formats::Error> {
-    let staged = written.staged.path();
-    let (mut after, _) = scene::load(&raykiln_formats::read(staged)?, &LoadOptions::default())?;
-    if let (Some(hidden), Some(folder)) = (staged.parent(), output.parent()) {
-        after.also_look_for_images(hidden, folder);
+/// What was read back, and how it compares with the input before any ray is traced.
+struct ReadBack {
+    after: Scene,
+    exact: Option<Exact>,
+}
+
+impl ReadBack {
+    /// Reads the staged file back, and compares it with the input.
+    fn new(
+        doc: &Document,
+        scene: &Scene,
+        written: &Written,
+        output: &Path,
+        options: &BakeOptions,
+    ) -> Result<ReadBack, raykiln_formats::Error> {
+        let staged = written.staged.path();
+        let doc_after = raykiln_formats::read(staged)?;
+        let (mut after, _) = scene::load(&doc_after, &LoadOptions::default())?;
+        let folders = staged.parent().zip(output.parent());
+        if let Some((hidden, folder)) = folders {
+            after.also_look_for_images(hidden, folder);
+        }
+        let scenes = Sides { before: scene, after: &after };
+        let documents = Sides { before: doc, after: &doc_after };
+        let exact = match written.unchanged {
+            // Equal bytes mean the same.
+            true => Exact::of_scenes(scenes, &options.verify),
+            false => Exact::of_files(documents, scenes, folders, &options.verify)?,
+        };
+        Ok(ReadBack { after, exact })
     }
-    Ok(after)
 }

@@ -8,7 +8,7 @@ use super::*;
 use crate::verify::cpu::{Reference, TwoLevel};
 use crate::verify::test_scenes::room;
 use crate::verify::tests::{baked, tilted};
-use crate::verify::{Failure, Sides, Verification, VerifyOptions, seams, verify, verify_with};
+use crate::verify::{Exact, Failure, Sides, Verification, VerifyOptions, seams, verify, verify_with};
 
 fn options() -> VerifyOptions {
     VerifyOptions { rays_per_kind: 1024, repeats: 1, ..VerifyOptions::default() }
@@ -21,6 +21,7 @@ fn on(device: &Device, before: &Scene, after: &Scene, options: &VerifyOptions) -
     let tracers = [build(before), build(after)];
     verify_with(
         Sides { before, after },
+        Exact::of_scenes(Sides { before, after }, options).as_ref(),
         &Reference::new(&trees),
         Sides { before: &tracers[0], after: &tracers[1] },
         options,
