@@ -13,12 +13,13 @@ mod place;
 mod record;
 #[cfg(test)]
 mod tests;
+mod untangle;
 
 use std::collections::BTreeSet;
 
 use limits::Limits;
 use pairs::{Pair, Pairs};
-use place::{Match, Rule, Seeker};
+use place::{Keep, Match, Rule, Seeker};
 use rayon::prelude::*;
 
 use self::errors::{Largest, PositionErrors};
@@ -158,8 +159,10 @@ impl<'a> Search<'a> {
     fn run(&mut self) {
         let limits = self.limits;
         let within = |i| limits.of(i);
-        let rule = Rule { tolerance: &within, same_side: true, shared: false, most_considered: CONSIDERED };
-        self.recorded_elsewhere = Faults::of(self.pair(&rule));
+        let rule = Rule { tolerance: &within, same_side: true, keep: Keep::Best, most_considered: CONSIDERED };
+        let mut found = self.pair(&rule);
+        found.extend(self.untangle());
+        self.recorded_elsewhere = Faults::of(found);
         self.set_aside_flat();
         self.set_aside_repeated();
         self.flipped = Faults::of(self.pair(&Rule { same_side: false, ..rule }));
@@ -183,6 +186,23 @@ impl<'a> Search<'a> {
         retain(&mut self.left.before, &paired_of.before);
         retain(&mut self.left.after, &paired_of.after);
         paired
+    }
+
+    /// Pairs again where triangles lie closer together than they may be off; returns what was paired of the output.
+    fn untangle(&mut self) -> Vec<TriangleRef> {
+        let limits = self.limits;
+        let seeker = Seeker { scenes: self.scenes, materials: &self.materials };
+        let left = Sides { before: self.left.before.as_slice(), after: self.left.after.as_slice() };
+        let repaired = untangle::untangle(&seeker, left, &|i| limits.of(i), &self.pairs);
+        for &(at, source, fit) in &repaired {
+            self.pairs.set(at, Pair { at: source, turn: fit.turn });
+            self.errors.add(at.instance, Largest::default().or(limits, source.instance, fit.error));
+        }
+        let (sources, afters): (BTreeSet<_>, BTreeSet<_>) =
+            repaired.iter().map(|(at, source, _)| (*source, *at)).unzip();
+        let found = self.left.after.extract_if(.., |at| afters.contains(at)).collect();
+        self.left.before.retain(|at| !sources.contains(at));
+        found
     }
 
     /// Records a match; returns its triangle of the output.
@@ -217,7 +237,7 @@ impl<'a> Search<'a> {
         }
         let (limits, scenes) = (self.limits, self.scenes);
         let within = |i| limits.of(i);
-        let rule = Rule { tolerance: &within, same_side: true, shared: true, most_considered: CONSIDERED };
+        let rule = Rule { tolerance: &within, same_side: true, keep: Keep::BestShared, most_considered: CONSIDERED };
         let all = all_triangles(scenes.before);
         let given = Sides { before: all.as_slice(), after: self.left.after.as_slice() };
         let matches = Seeker { scenes, materials: &self.materials }.pair(given, &rule);
@@ -240,7 +260,7 @@ impl<'a> Search<'a> {
             }
             factor *= FARTHER;
             let within = |i| limits.widened(i, factor);
-            let rule = Rule { tolerance: &within, same_side: true, shared: false, most_considered: CONSIDERED_FAR };
+            let rule = Rule { tolerance: &within, same_side: true, keep: Keep::Best, most_considered: CONSIDERED_FAR };
             moved.extend(self.pair(&rule));
         }
         self.moved = Faults::of(moved);

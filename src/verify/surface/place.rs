@@ -34,10 +34,21 @@ pub(super) struct Rule<'a> {
     pub tolerance: &'a (dyn Fn(u32) -> f64 + Sync),
     /// Whether a triangle must have the same side in front.
     pub same_side: bool,
-    /// Whether several triangles of the output may have one partner.
-    pub shared: bool,
+    /// Which of the possible partners count.
+    pub keep: Keep,
     /// How many triangles of the input to consider for one of the output; more are only there if the tolerance is wide.
     pub most_considered: usize,
+}
+
+/// Which of the possible partners of a triangle count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Keep {
+    /// The best one that no other triangle has.
+    Best,
+    /// The best one, which others may have too.
+    BestShared,
+    /// All.
+    Every,
 }
 
 /// A triangle of the output and its partner.
@@ -79,8 +90,8 @@ impl Seeker<'_> {
             for neighbour in 0..8 {
                 let found = self.pair_in(&level, triangles, rule, neighbour, &taken);
                 for m in &found {
-                    taken.before[m.before as usize] = !rule.shared;
-                    taken.after[m.after as usize] = true;
+                    taken.before[m.before as usize] = rule.keep == Keep::Best;
+                    taken.after[m.after as usize] = rule.keep != Keep::Every;
                 }
                 matches.extend(found);
             }
@@ -136,33 +147,58 @@ impl Seeker<'_> {
         for entry in entries.after {
             let placed = corners(Side::After, entry);
             let first = entries.before.partition_point(|b| b.x < entry.x - reach);
-            let mut best: Option<(bool, Fit, usize)> = None;
-            for at in
-                free.from(first).take_while(|&b| entries.before[b].x <= entry.x + reach).take(rule.most_considered)
-            {
+            let close = free.from(first).take_while(|&b| entries.before[b].x <= entry.x + reach);
+            let partners = close.take(rule.most_considered).filter_map(|at| {
                 let partner = &entries.before[at];
                 let tolerance = (rule.tolerance)(of(Side::Before, partner).instance);
                 let fit = fit(&placed, &there[at]);
-                if fit.error > tolerance || fit.same_side != rule.same_side {
-                    continue;
+                let is_partner = fit.error <= tolerance && fit.same_side == rule.same_side;
+                is_partner.then(|| Partner {
+                    at,
+                    fit,
+                    other: kind(Side::Before, partner) != kind(Side::After, entry),
+                    tolerance,
+                })
+            });
+            let matched = |of: &Partner| Match { after: entry.index, before: entries.before[of.at].index, fit: of.fit };
+            if rule.keep == Keep::Every {
+                matches.extend(partners.map(|partner| matched(&partner)));
+            } else if let Some(partner) = best(partners) {
+                matches.push(matched(&partner));
+                if rule.keep == Keep::Best {
+                    free.take(partner.at);
                 }
-                let other = kind(Side::Before, partner) != kind(Side::After, entry);
-                if best.is_none_or(|(is_other, of_best, _)| (other, fit.error) < (is_other, of_best.error)) {
-                    best = Some((other, fit, at));
-                }
-                if !other && fit.error <= GOOD_SHARE * tolerance {
-                    break;
-                }
-            }
-            if let Some((_, fit, at)) = best {
-                if !rule.shared {
-                    free.take(at);
-                }
-                matches.push(Match { after: entry.index, before: entries.before[at].index, fit });
             }
         }
         matches
     }
+}
+
+/// A possible partner.
+struct Partner {
+    /// Index among the triangles in the cube.
+    at: usize,
+    fit: Fit,
+    /// Whether it is of another material.
+    other: bool,
+    /// How far its corners may be off, in world units.
+    tolerance: f64,
+}
+
+/// Returns the partner of the same material, if there is one, whose corners are least far off; or the first that is good
+/// enough.
+fn best(partners: impl Iterator<Item = Partner>) -> Option<Partner> {
+    let mut best: Option<Partner> = None;
+    for partner in partners {
+        let is_good = !partner.other && partner.fit.error <= GOOD_SHARE * partner.tolerance;
+        if best.as_ref().is_none_or(|best| (partner.other, partner.fit.error) < (best.other, best.fit.error)) {
+            best = Some(partner);
+        }
+        if is_good {
+            break;
+        }
+    }
+    best
 }
 
 /// Returns the centre of a triangle's box: the same for any order of its corners.

@@ -162,6 +162,23 @@ fn equal_triangles_count_as_often_as_they_are_there() {
 }
 
 #[test]
+fn triangles_closer_together_than_they_may_be_off_find_their_own_partners() {
+    // Each triangle is off by less than is allowed, and within that of two of the input.
+    let row = |shift: f32| {
+        let corners =
+            (0..12).flat_map(|i| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::Z * (i as f32 + shift) * 1e-3));
+        let triangles = (0..12).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        scene(vec![mesh(0, vec![(None, corners.collect(), triangles)])], &[(0, DAffine3::IDENTITY)])
+    };
+    let (before, mut after) = (row(0.0), row(0.7));
+    after.instances[0].node = 7;
+    after.meshes[0].geometries[0].triangles.reverse();
+    let ratio = 1.2e-3 / reference_length(&before);
+    let (found, pairs) = compare(&Identity::new(&before, &after), ratio);
+    assert!(found.is_clean() && pairs.count() == 12, "{found:?}");
+}
+
+#[test]
 fn a_triangle_without_area_is_no_fault_if_it_is_gone() {
     let with = |triangles: Vec<[u32; 3]>| {
         let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y, 0.5 * Vec3::X];
