@@ -31,6 +31,8 @@ pub(crate) struct Candidate {
     pub(super) longest_group: f64,
     /// How it did on a device.
     pub(super) lap: Option<RaceResult>,
+    /// Its speed in the views that judge, where it was the fastest in those that choose.
+    pub(super) judged: Option<Overall>,
     /// Its speed over that of the input where it was timed briefly, which compares with others that were, and no more.
     pub(super) brief: Option<f64>,
     pub(super) seconds: f64,
@@ -137,6 +139,7 @@ impl Candidate {
             largest_group,
             longest_group,
             lap: None,
+            judged: None,
             brief: None,
             seconds: 0.0,
             failure: None,
@@ -150,7 +153,7 @@ impl Candidate {
 
     /// Its speed over that of the input, where it was timed.
     pub(super) fn speed(&self, weights: &Weights) -> Option<Overall> {
-        self.lap.as_ref().map(|lap| weights.overall(&lap.kinds))
+        self.lap.as_ref().map(|lap| lap.views.overall(weights))
     }
 
     /// What it came to.
@@ -160,6 +163,7 @@ impl Candidate {
             predicted_cost: self.predicted.two_level_cost,
             sampled_cost: self.predicted.picoseconds,
             measured: self.speed(weights),
+            judged: self.judged,
             outcome,
             as_bytes: self.predicted.as_bytes,
             position_error_ratio: self.laid.position_error_ratio,

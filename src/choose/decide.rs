@@ -5,7 +5,8 @@ use super::candidate::Candidate;
 use super::outcome::{Excess, Outcome, Why};
 use super::plans::Effort;
 use crate::methods::PlanId;
-use crate::verify::weights::{Overall, Weights};
+use crate::verify::VerifyOptions;
+use crate::verify::weights::Overall;
 
 /// A candidate that was only predicted is worth a change only if its cost is less than this share of the input's.
 const WORTH_A_CHANGE: f64 = 0.95;
@@ -28,7 +29,12 @@ pub(super) struct Decision {
     pub(super) keeps: bool,
     /// Whether the input keeps to the bounds, so that it may still be written instead.
     pub(super) may_be_left_alone: bool,
+    /// Whether the chosen one must be faster in the views that judge, too.
+    pub(super) needs_judging: bool,
 }
+
+/// Candidates that are judged before the input is chosen: each was the fastest left in the views that choose.
+const MOST_JUDGED: usize = 4;
 
 /// Indices of the candidates to time: the single BLAS and the best others by prediction, in ascending order.
 pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize> {
@@ -42,10 +48,10 @@ pub(super) fn contenders(candidates: &[Candidate], effort: Effort) -> Vec<usize>
 
 /// Chooses the candidate that was measured fastest or, without measurements, the one predicted to be clearly cheaper;
 /// if nothing beats the input, which comes first, the input. States for every candidate why it was chosen or not.
-pub(super) fn decide(candidates: &[Candidate], weights: &Weights, bounds: &Bounds, measured: bool) -> Decision {
+pub(super) fn decide(candidates: &[Candidate], verify: &VerifyOptions, bounds: &Bounds, measured: bool) -> Decision {
     let refusals = bounds.refusals(candidates);
     let keeps = refusals.contains(&None);
-    let choice = Choice { candidates, weights, refusals: &refusals };
+    let choice = Choice { candidates, verify, refusals: &refusals };
     let (winner, why) = match (keeps, measured) {
         (false, _) => (0, Why::NothingAllowed(refusals.first().cloned().flatten().unwrap_or_default())),
         (true, true) => choice.fastest(),
@@ -61,19 +67,20 @@ pub(super) fn decide(candidates: &[Candidate], weights: &Weights, bounds: &Bound
         })
         .collect();
     let may_be_left_alone = refusals.first().is_none_or(Option::is_none);
-    Decision { winner, why, outcomes, keeps, may_be_left_alone }
+    let needs_judging = matches!(why, Why::MeasuredFastest(_));
+    Decision { winner, why, outcomes, keeps, may_be_left_alone, needs_judging }
 }
 
 /// Candidates, and how each exceeds the bounds.
 struct Choice<'a> {
     candidates: &'a [Candidate],
-    weights: &'a Weights,
+    verify: &'a VerifyOptions,
     refusals: &'a [Option<Vec<Excess>>],
 }
 
 impl Choice<'_> {
     fn speed(&self, i: usize) -> Option<Overall> {
-        self.candidates[i].speed(self.weights)
+        self.candidates[i].speed(&self.verify.weights)
     }
 
     fn cost(&self, i: usize) -> f64 {
@@ -93,8 +100,13 @@ impl Choice<'_> {
         self.refusals[i].is_none()
     }
 
-    fn is_faster(speed: &Overall) -> bool {
-        speed.is_faster() && speed.speedup_ratio > 1.0 + EQUAL
+    fn is_faster(&self, speed: &Overall) -> bool {
+        speed.is_never_slower(self.verify.least_view_ratio) && speed.speedup_ratio > 1.0 + EQUAL
+    }
+
+    /// Whether a candidate was judged and not found faster.
+    fn is_judged_slower(&self, i: usize) -> bool {
+        self.candidates[i].judged.is_some_and(|judged| !judged.is_never_slower(self.verify.least_view_ratio))
     }
 
     /// Returns the cheapest of the given candidates; the first if several are equal.
@@ -105,19 +117,23 @@ impl Choice<'_> {
     fn fastest(&self) -> (usize, Why) {
         let timed = || (0..self.candidates.len()).filter_map(|i| Some((i, self.speed(i)?)));
         let must_change = !self.is_allowed(0);
-        let allowed: Vec<(usize, f64)> = timed()
-            .filter(|(i, speed)| self.is_allowed(*i) && (must_change || Self::is_faster(speed)))
-            .map(|(i, speed)| (i, speed.speedup_ratio))
-            .collect();
-        let best = allowed.iter().map(|f| f.1).fold(0.0, f64::max);
-        let equal = allowed.into_iter().filter(|f| f.1 >= (1.0 - EQUAL) * best);
-        let refused = || timed().find(|(i, speed)| !self.is_allowed(*i) && Self::is_faster(speed)).map(|(i, _)| i);
+        let judged_slower = (0..self.candidates.len()).filter(|&i| self.is_judged_slower(i)).count();
+        let may_win = |i: usize, speed: &Overall| {
+            let is_faster = self.is_faster(speed) && !self.is_judged_slower(i) && judged_slower < MOST_JUDGED;
+            self.is_allowed(i) && (must_change || is_faster)
+        };
+        let allowed: Vec<(usize, Overall)> = timed().filter(|(i, speed)| may_win(*i, speed)).collect();
+        let best = allowed.iter().map(|f| f.1.sure_ratio()).fold(0.0, f64::max);
+        let equal = allowed.into_iter().filter(|f| f.1.sure_ratio() >= (1.0 - EQUAL) * best);
+        let equal = equal.map(|(i, speed)| (i, speed.speedup_ratio));
+        let refused = || timed().find(|(i, speed)| !self.is_allowed(*i) && self.is_faster(speed)).map(|(i, _)| i);
         match (equal.min_by_key(|f| self.candidates[f.0].predicted.as_bytes), refused()) {
             (Some((i, speedup_ratio)), _) if must_change => {
                 (i, Why::MeasuredBestAllowed { speedup_ratio, input: self.excess(0) })
             }
             (Some((i, speedup_ratio)), _) => (i, Why::MeasuredFastest(speedup_ratio)),
             (None, _) if must_change => self.cheapest(),
+            (None, None) if judged_slower > 0 => (0, Why::NoneJudgedFaster(judged_slower)),
             (None, Some(i)) => (0, Why::FasterNotAllowed { plan: self.id(i), excess: self.excess(i) }),
             (None, None) => (0, Why::NoneMeasuredFaster),
         }
@@ -163,12 +179,18 @@ impl Choice<'_> {
             };
         };
         let ratio = speed.speedup_ratio;
-        match self.speed(winner) {
+        match (self.speed(winner), candidate.judged.filter(|_| self.is_judged_slower(i))) {
             _ if ratio < 1.0 - speed.spread_ratio => Outcome::SlowerThanInput,
-            _ if !Self::is_faster(&speed) => Outcome::NotFasterThanInput,
-            Some(best) if ratio >= (1.0 - EQUAL) * best.speedup_ratio => Outcome::MoreBytes,
-            Some(best) => Outcome::SpeedOfChosen(ratio / best.speedup_ratio),
-            None => Outcome::AnotherChosen,
+            (_, Some(Overall { speedup_ratio, least_view_ratio, .. })) => {
+                Outcome::NotFasterWhenJudged { speedup_ratio, least_view_ratio }
+            }
+            _ if !speed.is_faster() => Outcome::NotFasterThanInput,
+            _ if !self.is_faster(&speed) => Outcome::SlowInAView(speed.least_view_ratio),
+            (Some(best), _) if winner > 0 && speed.sure_ratio() >= (1.0 - EQUAL) * best.sure_ratio() => {
+                Outcome::MoreBytes
+            }
+            (Some(best), _) => Outcome::SpeedOfChosen(ratio / best.speedup_ratio),
+            (None, _) => Outcome::AnotherChosen,
         }
     }
 
@@ -203,7 +225,8 @@ mod tests {
     use crate::methods::{Method, Options};
     use crate::scene::Overlay;
     use crate::verify::speed::KindSpeed;
-    use crate::verify::{PerKind, RaceResult};
+    use crate::verify::weights::Weights;
+    use crate::verify::{PerKind, RaceResult, ViewSpeeds};
 
     fn candidate(
         name: &'static str,
@@ -231,6 +254,7 @@ mod tests {
             largest_group,
             longest_group: 0.0,
             lap: None,
+            judged: None,
             brief: None,
             seconds: 0.0,
             failure: None,
@@ -252,13 +276,13 @@ mod tests {
     fn timed(mut candidate: Candidate, speedup_ratio: f64) -> Candidate {
         let kind =
             KindSpeed { before_mrays_per_s: 1.0, after_mrays_per_s: speedup_ratio, speedup_ratio, spread_ratio: 0.01 };
-        candidate.lap = Some(RaceResult { kinds: PerKind::of(|_| kind), built: None });
+        candidate.lap = Some(RaceResult { views: ViewSpeeds(vec![PerKind::of(|_| kind)]), built: None });
         candidate
     }
 
     /// The decision, and the outcomes in words.
     fn decided(candidates: Vec<Candidate>, bounds: &Bounds, measured: bool) -> (Decision, Vec<String>) {
-        let decision = decide(&candidates, &Weights::default(), bounds, measured);
+        let decision = decide(&candidates, &VerifyOptions::default(), bounds, measured);
         let outcomes = decision.outcomes.iter().map(ToString::to_string).collect();
         (decision, outcomes)
     }
@@ -350,5 +374,53 @@ mod tests {
         assert_eq!(outcomes[2], "measured slower than the input");
         assert_eq!(outcomes[3], "measured 0.800 times as fast as the one chosen");
         assert_eq!(outcomes[4], "measured no faster than the input beyond the spread");
+    }
+
+    /// A candidate that was timed with these speedups in the views that choose.
+    fn in_views(of: Candidate, ratios: &[f64]) -> Candidate {
+        let view = |ratio: &f64| timed(candidate("", Method::Keep, 1.0, 1, 1), *ratio).lap.map(|lap| lap.views.0[0]);
+        let views = ViewSpeeds(ratios.iter().filter_map(view).collect());
+        Candidate { lap: Some(RaceResult { views, built: None }), ..of }
+    }
+
+    fn judged(of: Candidate, ratios: &[f64]) -> Candidate {
+        let speed = in_views(candidate("", Method::Keep, 1.0, 1, 1), ratios).speed(&Weights::default());
+        Candidate { judged: speed, ..of }
+    }
+
+    #[test]
+    fn a_candidate_that_is_too_slow_in_a_view_gives_way_to_the_next() {
+        let [keep, single, cluster] = three(400).try_into().unwrap_or_else(|_| unreachable!("three"));
+        let (single, cluster) = (in_views(single, &[1.2, 1.2]), in_views(cluster, &[2.0, 1.8, 1.9, 2.1, 0.96]));
+        let (decision, outcomes) = decided(vec![keep, single, cluster], &bounds(2.0, None), true);
+        assert_eq!((decision.winner, decision.needs_judging), (1, true));
+        assert_eq!(outcomes[2], "measured faster than the input, but 0.960 times as fast in one view");
+    }
+
+    #[test]
+    fn the_spread_over_views_is_taken_off() {
+        let [keep, single, cluster] = three(400).try_into().unwrap_or_else(|_| unreachable!("three"));
+        let (single, cluster) = (in_views(single, &[1.2, 1.2, 1.2]), in_views(cluster, &[1.0, 1.7, 1.0]));
+        assert_eq!(decided(vec![keep, single, cluster], &bounds(2.0, None), true).0.winner, 1);
+    }
+
+    #[test]
+    fn what_is_judged_slower_gives_way_and_after_four_the_input_stays() {
+        let slower = |name| judged(timed(candidate(name, Method::Cluster, 60.0, 1000, 1), 1.5), &[1.3, 1.2, 0.9]);
+        let mut all = vec![candidate("keep", Method::Keep, 100.0, 1000, 1), slower("a"), slower("b"), slower("c")];
+        all.push(timed(candidate("single", Method::Single, 70.0, 1000, 1), 1.1));
+        let (decision, outcomes) = decided(all, &bounds(2.0, None), true);
+        assert_eq!((decision.winner, decision.needs_judging), (4, true));
+        assert!(
+            outcomes[1].contains("in those that judge") && outcomes[1].contains("at least 0.900"),
+            "{}",
+            outcomes[1]
+        );
+        let mut all =
+            vec![candidate("keep", Method::Keep, 100.0, 1000, 1), slower("a"), slower("b"), slower("c"), slower("d")];
+        all.push(timed(candidate("single", Method::Single, 70.0, 1000, 1), 1.1));
+        let (decision, _) = decided(all, &bounds(2.0, None), true);
+        assert_eq!((decision.winner, decision.needs_judging), (0, false));
+        assert_eq!(decision.why, Why::NoneJudgedFaster(4));
     }
 }

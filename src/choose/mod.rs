@@ -35,6 +35,7 @@ use crate::verify::{Machine, MachineKind, Timing, VerifyOptions};
 use bounds::Bounds;
 pub(crate) use candidate::{Candidate, written};
 use candidate::{Laid, lay_out};
+use decide::Decision;
 pub(crate) use evaluate::{Duplicate, Evaluated, Evaluator};
 use model::Class;
 pub use outcome::{CandidateResult, DecidedBy, Excess, GroupCause, Note, Origin, Outcome, Selection, Why};
@@ -234,7 +235,7 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     }
     let measured = raced.as_ref().is_ok_and(|&count| count > 0);
     passes.push(passes::measuring(raced, start.elapsed().as_secs_f64()));
-    let decision = decide::decide(&candidates, &verify.weights, &bounds, measured);
+    let decision = choosing.decide(scene, &mut candidates, &bounds, measured);
     let results = results(&candidates, decision.outcomes, &duplicates, verify);
     let winner = candidates.swap_remove(decision.winner);
     passes::tell_used(&mut passes, scene, &winner.plan, &winner.laid.layout);
@@ -317,8 +318,9 @@ impl Choosing<'_> {
                 Ok(lap) => {
                     let candidate = &mut candidates[i];
                     match care {
-                        Timing::Brief => candidate.brief = Some(weights.overall(&lap.kinds).speedup_ratio),
+                        Timing::Brief => candidate.brief = Some(lap.views.overall(weights).sure_ratio()),
                         Timing::Full => candidate.lap = Some(lap),
+                        Timing::Judging => candidate.judged = Some(lap.views.overall(weights)),
                     }
                     count += 1;
                 }
@@ -326,6 +328,21 @@ impl Choosing<'_> {
             }
         }
         Ok(count)
+    }
+
+    /// Decides by the views that choose. A candidate that is faster in them but not in the views that judge, or too slow
+    /// in one of those, gives way to the next one, and after [`MOST_JUDGED`] of them to the input.
+    fn decide(&self, scene: &Scene, candidates: &mut [Candidate], bounds: &Bounds, measured: bool) -> Decision {
+        loop {
+            let decision = decide::decide(candidates, self.verify, bounds, measured);
+            let is_to_judge = decision.needs_judging && candidates[decision.winner].judged.is_none();
+            if !is_to_judge || self.race(scene, candidates, &[decision.winner], Timing::Judging).is_err() {
+                return decision;
+            }
+            if candidates[decision.winner].judged.is_none() {
+                return decision;
+            }
+        }
     }
 
     /// Times candidates near the fastest, round by round; gives their number.

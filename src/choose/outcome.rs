@@ -48,8 +48,10 @@ pub struct CandidateResult {
     pub predicted_cost: f64,
     /// Predicted picoseconds per ray.
     pub sampled_cost: f64,
-    /// Its speed relative to the input, if it was timed; the input's own if others were timed.
+    /// Its speed relative to the input in the views that choose, if it was timed; the input's own if others were timed.
     pub measured: Option<Overall>,
+    /// Its speed in the views that judge, if it was the fastest in those that choose.
+    pub judged: Option<Overall>,
     /// Why it was chosen or not.
     pub outcome: Outcome,
     /// Predicted bytes of acceleration structures.
@@ -108,6 +110,9 @@ pub enum Why {
     },
     /// Nothing was measured faster than the input.
     NoneMeasuredFaster,
+    /// As many candidates were measured faster in the views that choose, but in the views that judge they were not, or were
+    /// too slow in one.
+    NoneJudgedFaster(usize),
     /// Only candidates beyond the bounds were measured faster than the input.
     FasterNotAllowed {
         /// The first such candidate.
@@ -165,6 +170,15 @@ pub enum Outcome {
     SlowerThanInput,
     /// It was measured to be no faster than the input beyond the spread.
     NotFasterThanInput,
+    /// It is faster on average, but in the views that choose one is too slow.
+    SlowInAView(f64),
+    /// It was the fastest in the views that choose; in those that judge it is not faster.
+    NotFasterWhenJudged {
+        /// Its speed over the input's there.
+        speedup_ratio: f64,
+        /// The least of any view.
+        least_view_ratio: f64,
+    },
     /// It is as fast as the chosen one, which takes fewer bytes.
     MoreBytes,
     /// Its measured speed over that of the chosen one.

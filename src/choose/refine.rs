@@ -43,9 +43,9 @@ pub(super) fn rounds(effort: Effort) -> &'static [Round] {
     }
 }
 
-/// The timed candidates that are allowed, fastest first.
+/// The timed candidates that are allowed, fastest first by the speedup that is sure.
 fn fastest<'c>(candidates: &'c [Candidate], weights: &Weights, bounds: &Bounds) -> Vec<(f64, &'c Candidate)> {
-    let speed = |c: &'c Candidate| Some((c.speed(weights)?.speedup_ratio, c));
+    let speed = |c: &'c Candidate| Some((c.speed(weights)?.sure_ratio(), c));
     let allowed = bounds.allow(candidates).into_iter();
     let mut timed: Vec<_> = candidates.iter().zip(allowed).filter(|c| c.1).filter_map(|c| speed(c.0)).collect();
     timed.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -96,7 +96,7 @@ pub(super) fn worth_a_closer_look(near: &[Candidate]) -> Vec<usize> {
 fn turned(candidate: &Candidate, axes: usize) -> Candidate {
     let laid = Laid { axes: axes as u8, ..candidate.laid.clone() };
     let plan = Plan { id: candidate.plan.id.along(axes as u8), ..candidate.plan.clone() };
-    Candidate { plan, laid, lap: None, brief: None, seconds: 0.0, failure: None, ..*candidate }
+    Candidate { plan, laid, lap: None, judged: None, brief: None, seconds: 0.0, failure: None, ..*candidate }
 }
 
 #[cfg(test)]

@@ -244,6 +244,10 @@ pub(super) struct VerifyArguments {
     /// scene; every other view chooses a layout, the rest judge it
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().views, value_parser = clap::value_parser!(u32).range(i64::from(FEWEST_VIEWS)..=i64::from(MOST_VIEWS)))]
     views: u32,
+    /// Least speedup of any judging view with which an output counts as faster; otherwise the next candidate or the
+    /// input is written
+    #[arg(long, value_name = "RATIO", default_value_t = VerifyOptions::default().least_view_ratio, value_parser = ratio)]
+    least_view_ratio: f64,
     /// Seed of the views and rays
     #[arg(long, value_name = "N", default_value_t = VerifyOptions::default().seed)]
     seed: u64,
@@ -504,6 +508,7 @@ impl VerifyArguments {
             repeats: self.repeats,
             weights: self.weights,
             views: self.views,
+            least_view_ratio: self.least_view_ratio,
             seed: self.seed,
             max_position_error_ratio: self.max_position_error_ratio,
             ..default

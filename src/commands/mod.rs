@@ -3,6 +3,7 @@
 pub mod bake;
 pub mod calls;
 mod error;
+mod fingerprint;
 pub mod inspect;
 pub(crate) mod measure;
 pub mod source;

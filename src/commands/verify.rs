@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use raykiln_formats::Document;
 
-use crate::commands::CommandError;
 use crate::commands::measure::{measure_with, per_primitive_note};
+use crate::commands::{CommandError, fingerprint};
 use crate::cost::mesh_trees::MeshTrees;
+use crate::report::notes::EQUAL_FILES;
 use crate::report::{Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict;
@@ -35,10 +36,12 @@ pub fn compare(
 ) -> Result<VerifyReport, CommandError> {
     let start = Instant::now();
     let machine = Machine::open(&options.device)?;
-    let (doc_before, scene_before, warnings_before) = read_file(before)?;
-    let (doc_after, scene_after, warnings_after) = read_file(after)?;
+    let Loaded { doc: doc_before, scene: scene_before, warnings: warnings_before, hash } = load(before)?;
+    let Loaded { doc: doc_after, scene: scene_after, warnings: warnings_after, hash: hash_after } = load(after)?;
     let matching = by.choose();
-    let options = VerifyOptions { matching, ..options.clone() };
+    let is_same = hash == hash_after;
+    let options = if is_same { options.untimed() } else { options.clone() };
+    let options = VerifyOptions { matching, ..options };
     let scenes = Sides { before: &scene_before, after: &scene_after };
     let exact = Exact::of_files(Sides { before: &doc_before, after: &doc_after }, scenes, None, &options)?;
     // Tracing needs the memory.
@@ -51,7 +54,8 @@ pub fn compare(
     let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
     let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
     let profiles = per_primitive_note(blas_per, scenes, Sides { before: &metrics_before, after: &metrics_after });
-    let notes = verification.notes.iter().map(ToString::to_string).chain(profiles).collect();
+    let untimed = is_same.then(|| EQUAL_FILES.to_owned());
+    let notes = verification.notes.iter().map(ToString::to_string).chain(profiles).chain(untimed).collect();
     Ok(VerifyReport {
         schema: VerifyReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
@@ -61,7 +65,7 @@ pub fn compare(
         before: metrics_before,
         after: metrics_after,
         matched_by: matching,
-        verdict: verdict::verdict(&verification, &options.weights, false),
+        verdict: verdict::verdict(&verification, &options, false),
         overall: Speed::of(&verification, &options.weights, machine.name().1),
         notes,
         verify: verification,
@@ -70,19 +74,27 @@ pub fn compare(
     })
 }
 
+/// A file that was read.
+struct Loaded {
+    doc: Document,
+    scene: Scene,
+    /// What the reader repaired or omitted.
+    warnings: Vec<String>,
+    hash: blake3::Hash,
+}
+
 /// Reads a file as a scene, with warnings about what the reader repaired or omitted.
 #[cfg(feature = "lab")]
 pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
-    read_file(path).map(|(_, scene, warnings)| (scene, warnings))
+    load(path).map(|loaded| (loaded.scene, loaded.warnings))
 }
 
-/// Reads a file and its scene, with warnings about what the reader repaired or omitted.
-fn read_file(path: &Path) -> Result<(Document, Scene, Vec<String>), CommandError> {
+fn load(path: &Path) -> Result<Loaded, CommandError> {
     let doc = raykiln_formats::read(path)?;
     let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
     scene.check().map_err(|e| CommandError::Internal(e.0))?;
     let words = doc.warnings.iter().chain(&warnings).map(|w| format!("{}: {w}", path.display())).collect();
-    Ok((doc, scene, words))
+    Ok(Loaded { hash: fingerprint::of_document(&doc), doc, scene, warnings: words })
 }
 
 impl MatchBy {

@@ -41,7 +41,7 @@ pub(super) fn measure(
     for (row, lap) in rows.iter_mut().zip(laps) {
         (row.device, row.device_kind) = (device.to_owned(), kind);
         match lap {
-            Ok(lap) => time(row, &lap),
+            Ok(lap) => time(row, &lap, &verify.weights),
             Err(why) => row.failure = Some(why),
         }
     }
@@ -82,10 +82,11 @@ fn predicted(name: &str, scene: &Scene, candidate: &Candidate, blas_per: BlasPer
 }
 
 /// Adds what a device measured.
-fn time(row: &mut Row, lap: &RaceResult) {
+fn time(row: &mut Row, lap: &RaceResult, weights: &Weights) {
     let finite = |x: f64| x.is_finite().then_some(x);
+    let kinds = lap.views.kinds(weights);
     for (kind, of) in row.kinds.iter_mut() {
-        let speed = &lap.kinds[kind];
+        let speed = &kinds[kind];
         if speed.after_mrays_per_s > 0.0 {
             // A million rays a second are a ray a microsecond.
             of.picoseconds = finite(1e6 / speed.after_mrays_per_s);

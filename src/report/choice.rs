@@ -48,7 +48,7 @@ impl Display for Why {
                 write!(f, "{INPUT_STAYS} as it is: {refusal}")
             }
             Why::MeasuredFastest(speedup) => {
-                write!(f, "measured {speedup:.3} times as fast as the input, the fastest")
+                write!(f, "measured {speedup:.3} times as fast as the input in the views that choose, the fastest")
             }
             Why::MeasuredBestAllowed { speedup_ratio, input } => {
                 write!(f, "measured {speedup_ratio:.3} times as fast as the input{}", best_allowed(input))
@@ -56,6 +56,12 @@ impl Display for Why {
             Why::NoneMeasuredFaster => {
                 f.write_str("no candidate was measured faster than the input by more than the spread")
             }
+            Why::NoneJudgedFaster(count) => write!(
+                f,
+                "{} measured faster than the input in the views that choose, but {} in the views that judge",
+                if *count == 1 { "one candidate was".to_owned() } else { format!("{count} candidates were") },
+                if *count == 1 { "was not, or was too slow in one," } else { "were not, or were too slow in one," },
+            ),
             Why::FasterNotAllowed { plan, excess } => write!(
                 f,
                 "nothing within what is allowed was measured faster than the input by more than the spread; `{plan}` \
@@ -115,6 +121,14 @@ impl Display for Outcome {
             Outcome::NotMeasured => f.write_str("not measured: predicted to cost more than those that were"),
             Outcome::SlowerThanInput => f.write_str("measured slower than the input"),
             Outcome::NotFasterThanInput => f.write_str("measured no faster than the input beyond the spread"),
+            Outcome::SlowInAView(least) => {
+                write!(f, "measured faster than the input, but {least:.3} times as fast in one view")
+            }
+            Outcome::NotFasterWhenJudged { speedup_ratio, least_view_ratio } => write!(
+                f,
+                "the fastest in the views that choose; in those that judge {speedup_ratio:.3} times as fast as the input, \
+                 at least {least_view_ratio:.3}"
+            ),
             Outcome::MoreBytes => f.write_str("as fast as the one chosen, which takes fewer bytes"),
             Outcome::SpeedOfChosen(ratio) => write!(f, "measured {ratio:.3} times as fast as the one chosen"),
             Outcome::AnotherChosen => f.write_str("another was chosen"),

@@ -10,6 +10,7 @@ pub(crate) mod notes;
 mod passes;
 mod precision;
 mod reported_options;
+mod speed;
 pub mod text;
 pub mod verdict;
 mod verification;
@@ -153,11 +154,15 @@ pub struct Candidate {
     pub sampled_cost: Option<f64>,
     /// Million rays per second on a device, weighted mean over ray kinds; `None` if it was not timed.
     pub measured_mrays_per_s: Option<f64>,
-    /// Its speed over that of the input, measured in turns, weighted over ray kinds; `None` if it was not timed. 1 for
-    /// the input if others were timed.
+    /// Its speed over that of the input in the views that choose, measured in pairs, weighted over ray kinds; `None` if it
+    /// was not timed. 1 for the input if others were timed.
     pub measured_speedup_ratio: Option<f64>,
     /// Uncertainty of `measured_speedup_ratio`; infinite (`null` in JSON) if there are too few repeats.
     pub measured_spread_ratio: Option<f64>,
+    /// Its speed over that of the input in the views that judge; `None` if it was never the fastest in those that choose.
+    pub judged_speedup_ratio: Option<f64>,
+    /// The least of these speeds of any view that judges.
+    pub judged_least_view_ratio: Option<f64>,
     /// Why it was chosen or not.
     pub outcome: String,
     /// Predicted bytes of BLASes and TLAS.
@@ -289,6 +294,8 @@ impl From<CandidateResult> for Candidate {
             measured_mrays_per_s: result.measured.map(|m| m.after_mrays_per_s),
             measured_speedup_ratio: result.measured.map(|m| m.speedup_ratio),
             measured_spread_ratio: result.measured.map(|m| m.spread_ratio),
+            judged_speedup_ratio: result.judged.map(|judged| judged.speedup_ratio),
+            judged_least_view_ratio: result.judged.map(|judged| judged.least_view_ratio),
             outcome: result.outcome.to_string(),
             as_bytes: result.as_bytes,
             cost_ratio: 1.0,
@@ -346,6 +353,8 @@ impl Candidate {
             measured_mrays_per_s: None,
             measured_speedup_ratio: None,
             measured_spread_ratio: None,
+            judged_speedup_ratio: None,
+            judged_least_view_ratio: None,
             outcome: Why::AskedFor.to_string(),
             as_bytes: metrics.as_bytes(),
             cost_ratio: 1.0,

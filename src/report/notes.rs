@@ -135,3 +135,6 @@ pub(crate) fn built_per_primitive(metrics: Sides<&Metrics>, of_meshes: Sides<&Me
         costs(of_meshes)
     )
 }
+
+/// Why nothing was timed.
+pub(crate) const EQUAL_FILES: &str = "both files are equal: nothing was timed";

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::verify::weights::{Overall, Weights};
+use crate::verify::weights::Weights;
 use crate::verify::{MachineKind, PerKind, Verification};
 
 /// The options of a bake that determine what is written and how it is judged.
@@ -20,8 +20,10 @@ pub struct ReportedOptions {
     pub seed: u64,
     /// Number of rays of each kind that are compared.
     pub rays: u32,
-    /// Number of timing repeats per ray kind.
+    /// Number of timing repeats per ray kind and view.
     pub repeats: u32,
+    /// Least speedup of any judging view with which the output counts as faster.
+    pub least_view_ratio: f64,
     /// Largest distance a vertex may move, over the scene's diagonal.
     pub max_position_error_ratio: f64,
     /// Predicted bytes of acceleration structures allowed over the input's, including `auto`'s own limit; `None`: no
@@ -52,8 +54,16 @@ pub struct Speed {
     pub after_mrays_per_s: f64,
     /// The input's time over the output's; 1 without rays.
     pub speedup_ratio: f64,
-    /// Uncertainty of `speedup_ratio`; infinite (`null` in JSON) if there are too few repeats.
+    /// Uncertainty of `speedup_ratio`, over repeats and views; infinite (`null` in JSON) if there are too few repeats.
     pub spread_ratio: f64,
+    /// Uncertainty over repeats alone.
+    pub repeats_spread_ratio: f64,
+    /// Uncertainty over views alone: the standard error of the mean of their speedups.
+    pub views_spread_ratio: f64,
+    /// The least speedup of any view that judges.
+    pub least_view_ratio: f64,
+    /// The largest speedup of any view that judges.
+    pub most_view_ratio: f64,
 }
 
 impl Speed {
@@ -61,9 +71,18 @@ impl Speed {
     pub fn of(verification: &Verification, weights: &Weights, kind: MachineKind) -> Speed {
         // If the device cannot take a scene, the CPU traces instead.
         let kind = if verification.structures.is_none() { MachineKind::Cpu } else { kind };
-        let Overall { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio } =
-            weights.overall(&verification.kinds);
-        Speed { measured_on: kind, before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio }
+        let all = verification.overall(weights);
+        Speed {
+            measured_on: kind,
+            before_mrays_per_s: all.before_mrays_per_s,
+            after_mrays_per_s: all.after_mrays_per_s,
+            speedup_ratio: all.speedup_ratio,
+            spread_ratio: all.spread_ratio,
+            repeats_spread_ratio: all.repeats_spread_ratio,
+            views_spread_ratio: all.views_spread_ratio,
+            least_view_ratio: all.least_view_ratio,
+            most_view_ratio: all.most_view_ratio,
+        }
     }
 
     /// Whether the output is faster than the input by more than the uncertainty.

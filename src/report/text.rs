@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::precision;
+use super::speed;
 use super::words::{bytes, counted, grouped};
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
 use super::{ReadingError, Severity, Speed, VerifyReport, candidates, verdict};
@@ -10,7 +11,6 @@ use crate::choose::PassId;
 use crate::cost::Metrics;
 use crate::layout::BlasPer;
 use crate::verify::seams::Seams;
-use crate::verify::speed::KindSpeed;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Sides, Verification};
 
@@ -66,7 +66,7 @@ fn before_and_after(per: BlasPer, metrics: Sides<&Metrics>, verification: &Verif
     };
     let mut text = format!("\n{}\n", table(&[heading, "before", "after"], &comparison(metrics)));
     text += &structures(verification);
-    text += &rays(verification, overall);
+    text += &speed::rays(verification, overall);
     text += &errors(verification);
     text += &precision::errors(&verification.errors);
     text + &seams(&verification.seams)
@@ -101,7 +101,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     let shown = match report.verdict {
         Verdict::Failed => "failed: the files do not show the same".to_owned(),
         Verdict::CannotTell => report.verify.to_string(),
-        _ => format!("the same surfaces; {}", verdict::measured(&report.overall, &report.verify.device)),
+        _ => format!("the same surfaces; {}", verdict::measured(report.verdict, &report.overall, &report.verify)),
     };
     let _ = writeln!(text, "{:.2} seconds\n\nverdict: {shown}", report.seconds);
     text
@@ -243,28 +243,6 @@ fn metric_rows(m: &Metrics, with_core: bool) -> Vec<(&'static str, String)> {
     rows
 }
 
-fn rays(verify: &Verification, overall: &Speed) -> String {
-    let Speed { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio, .. } = *overall;
-    let overall = KindSpeed { before_mrays_per_s, after_mrays_per_s, speedup_ratio, spread_ratio };
-    let row = |(name, k): (&str, KindSpeed)| {
-        vec![
-            name.into(),
-            format!("{:.2}", k.before_mrays_per_s),
-            format!("{:.2}", k.after_mrays_per_s),
-            match k.differs() {
-                true => format!("{:.2} +- {:.2}", k.speedup_ratio, k.spread_ratio),
-                false if k.spread_ratio.is_infinite() => format!("{:.2}, too few repeats", k.speedup_ratio),
-                false => format!("no difference (+- {:.2})", k.spread_ratio),
-            },
-        ]
-    };
-    let kinds =
-        verify.kinds.iter().map(|(kind, speed)| (kind.name(), *speed)).chain([("weighted over ray kinds", overall)]);
-    let rows: Vec<Vec<String>> = kinds.map(row).collect();
-    let heading = format!("Mrays/s on {}", verify.device);
-    table(&[&heading, "before", "after", "ratio"], &rows)
-}
-
 /// The structures that the device built; empty on the CPU.
 fn structures(verify: &Verification) -> String {
     let Some(s) = &verify.structures else { return String::new() };
@@ -320,7 +298,7 @@ fn finding(f: &Finding) -> String {
 }
 
 /// A table with columns as wide as their widest cell; the first is left-aligned, the others right-aligned.
-fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
+pub(super) fn table(heading: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().map(|r| r[column].chars().count());
         cells.chain([heading[column].chars().count()]).max().unwrap_or(0)

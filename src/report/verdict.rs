@@ -3,7 +3,7 @@
 use super::{DecidedBy, MethodReport, Speed};
 use crate::choose::model::Class;
 use crate::methods::{Method, PlanId};
-use crate::verify::verdict::Verdict;
+use crate::verify::verdict::{SpeedBy, Verdict};
 use crate::verify::{MachineKind, Verification};
 
 /// States the verdict and what it is based on: what was measured, on which device, and, if the choice was made by
@@ -19,27 +19,32 @@ pub fn words(
         Verdict::Failed | Verdict::CannotTell => format!("no file was written: {verification}"),
         Verdict::LeftAlone => "the output is the input as it is".to_owned(),
         Verdict::Faster | Verdict::NotFaster => {
-            let parts = [Some(measured(overall, &verification.device)), caution(overall), predicted(method, class)];
+            let parts = [Some(measured(verdict, overall, verification)), caution(overall), predicted(method, class)];
             parts.into_iter().flatten().collect::<Vec<String>>().join("; ")
         }
     }
 }
 
-/// The measured speed of the output, and the device, in words.
-pub(super) fn measured(overall: &Speed, device: &str) -> String {
-    let Speed { speedup_ratio: ratio, spread_ratio: spread, .. } = *overall;
-    let on = match overall.measured_on {
-        MachineKind::Cpu => "the CPU tracer",
-        MachineKind::SoftwareDriver | MachineKind::Gpu => device,
+/// The speed of the output, and the device, in words.
+pub(super) fn measured(verdict: Verdict, overall: &Speed, verification: &Verification) -> String {
+    let Speed { speedup_ratio: ratio, spread_ratio: spread, least_view_ratio: least, .. } = *overall;
+    let on = match (verification.speed_by, overall.measured_on) {
+        (SpeedBy::Nothing, _) => return "no rays were timed".to_owned(),
+        (SpeedBy::Steps, _) => "the CPU tracer, by the steps of its rays",
+        (SpeedBy::Seconds, MachineKind::Cpu) => "the CPU tracer",
+        (SpeedBy::Seconds, MachineKind::SoftwareDriver | MachineKind::Gpu) => &verification.device,
     };
     if spread.is_infinite() {
         return format!("{ratio:.2} times the input's speed on {on}, by too few repeats to tell anything");
     }
     let speed = format!("{ratio:.2} +- {spread:.2} times the input's speed, weighted over ray kinds");
-    if overall.is_faster() {
-        format!("measured faster on {on}: {speed}")
+    let speed = format!("{speed}; at least {least:.3} in each view that judges");
+    if overall.is_faster() && verdict == Verdict::NotFaster {
+        format!("faster on average, but TOO SLOW in a view on {on}: {speed}")
+    } else if overall.is_faster() {
+        format!("faster on {on}: {speed}")
     } else if overall.is_slower() {
-        format!("measured SLOWER on {on}: {speed}")
+        format!("SLOWER on {on}: {speed}")
     } else {
         format!("no difference beyond the spread on {on}: {speed}")
     }
@@ -82,11 +87,17 @@ mod tests {
             after_mrays_per_s: 10.0 * speedup_ratio,
             speedup_ratio,
             spread_ratio,
+            repeats_spread_ratio: spread_ratio,
+            views_spread_ratio: 0.0,
+            least_view_ratio: speedup_ratio,
+            most_view_ratio: speedup_ratio,
         }
     }
 
     fn said(verdict: Verdict, overall: Speed, decided_by: DecidedBy) -> String {
-        words(verdict, &overall, &verification(), &method(decided_by), Class::NoRtCores)
+        let speed_by = if overall.measured_on == MachineKind::Cpu { SpeedBy::Steps } else { SpeedBy::Seconds };
+        let verification = Verification { speed_by, ..verification() };
+        words(verdict, &overall, &verification, &method(decided_by), Class::NoRtCores)
     }
 
     #[test]
@@ -102,7 +113,16 @@ mod tests {
     #[test]
     fn what_was_measured_on_a_gpu_needs_no_caution() {
         let text = said(Verdict::Faster, speed(MachineKind::Gpu, 1.25, 0.01), DecidedBy::Measurement);
-        assert_eq!(text, "measured faster on a device: 1.25 +- 0.01 times the input's speed, weighted over ray kinds");
+        assert_eq!(
+            text,
+            "faster on a device: 1.25 +- 0.01 times the input's speed, weighted over ray kinds; at least 1.250 in each view that judges"
+        );
+    }
+
+    #[test]
+    fn a_view_that_is_too_slow_is_said() {
+        let text = said(Verdict::NotFaster, speed(MachineKind::Gpu, 1.25, 0.01), DecidedBy::Measurement);
+        assert!(text.starts_with("faster on average, but TOO SLOW in a view on a device: 1.25"), "{text}");
     }
 
     #[test]

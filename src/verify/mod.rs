@@ -37,10 +37,12 @@ mod tests;
 mod tracing;
 pub mod verdict;
 pub mod view;
+mod view_speeds;
 pub mod views;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
 pub mod weights;
+pub mod work;
 
 use build::BuildOptions;
 use compare::Comparison;
@@ -58,6 +60,7 @@ pub use sides::{Side, Sides};
 use structure::reference_length;
 pub use tracing::{TimingHints, Tracer, Tracers};
 pub use verdict::Verification;
+pub use view_speeds::ViewSpeeds;
 use views::Role;
 use weights::Weights;
 
@@ -86,6 +89,8 @@ pub struct VerifyOptions {
     pub weights: Weights,
     /// Number of times each kind is timed; 0 counts as 1.
     pub repeats: u32,
+    /// Least speedup of any judging view with which an output still counts as faster.
+    pub least_view_ratio: f64,
     /// Largest allowed position error of a corner, relative to the diagonal of the input's box.
     pub max_position_error_ratio: f64,
     /// Share of the rays with equal results that is checked against the truth anyway, 0 to 1.
@@ -104,6 +109,7 @@ impl Default for VerifyOptions {
             seed: 1,
             weights: Weights::default(),
             repeats: 7,
+            least_view_ratio: 0.97,
             max_position_error_ratio: 1e-6,
             sample_ratio: 1.0 / 16.0,
         }
@@ -111,6 +117,11 @@ impl Default for VerifyOptions {
 }
 
 impl VerifyOptions {
+    /// The same without times, for files that are equal.
+    pub(crate) fn untimed(&self) -> VerifyOptions {
+        VerifyOptions { timed_rays_per_kind: Some(0), ..self.clone() }
+    }
+
     /// Rays of each kind from the views of a role, or from all of them.
     pub(crate) fn sampling(&self, rays_per_kind: usize, role: Option<Role>) -> Sampling {
         Sampling { rays_per_kind, views: self.views.max(views::FEWEST_VIEWS), role, seed: self.seed }

@@ -2,20 +2,21 @@
 
 use super::build::Built;
 use super::cpu::{CpuTracer, TwoLevel};
-use super::rays::{self, Ray, RayKind};
+use super::rays::{self, Ray, RayKind, Rays, RaysOfView};
 use super::speed::{self, KindSpeed};
 use super::tracing::seen_by;
+use super::view_speeds::ViewSpeeds;
 use super::views::Role;
 #[cfg(feature = "vulkan")]
 use super::vulkan::{Error, Pipelines, VulkanTracer};
-use super::{Machine, PerKind, Tracer, VerifyOptions};
+use super::{Machine, PerKind, Sides, Tracer, VerifyOptions};
 use crate::scene::Scene;
 
 /// The result of one contender.
 #[derive(Clone, Debug)]
 pub struct RaceResult {
-    /// Its speed as the output, by ray kind, with that of the input.
-    pub kinds: PerKind<KindSpeed>,
+    /// Its speed as the output, by view and ray kind, with that of the input.
+    pub views: ViewSpeeds,
     /// Structures built for it; `None` if they say nothing about a device.
     pub built: Option<Built>,
 }
@@ -23,8 +24,10 @@ pub struct RaceResult {
 /// How thoroughly contenders are timed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Timing {
-    /// As in a verification.
+    /// With the rays of a verification, but from the views that choose.
     Full,
+    /// As in a verification: with rays from the views that judge.
+    Judging,
     /// With a quarter of the rays and three repeats, which suffices to preselect from many contenders.
     Brief,
 }
@@ -36,6 +39,10 @@ impl Timing {
 
     fn repeats(self, repeats: u32) -> u32 {
         if self == Timing::Brief { repeats.min(3) } else { repeats }
+    }
+
+    fn role(self) -> Role {
+        if self == Timing::Judging { Role::Judge } else { Role::Choose }
     }
 }
 
@@ -54,38 +61,56 @@ pub(super) fn race<T: Tracer>(
     options: &VerifyOptions,
 ) -> Result<Vec<Result<RaceResult, T::Error>>, T::Error> {
     let count = care.rays(before.pace().timed(options));
-    let sampling = options.sampling(count as usize, Some(Role::Choose));
-    let mut rays = rays::generate_by(scene, |rays| seen_by(before, rays), &sampling)?;
-    for (kind, rays) in rays.kinds.iter_mut() {
-        if options.weights.0[kind] == 0.0 {
-            rays.clear();
-        } else if options.timed_rays_per_kind.is_none() {
-            *rays = affordable(before, kind, std::mem::take(rays))?;
-        }
-    }
-    let rays = rays;
-    let prepared = PerKind::try_of(|kind| before.prepare(&rays.kinds[kind]))?;
+    let sampling = options.sampling(count as usize, Some(care.role()));
+    let rays = rays::generate_by(scene, |rays| seen_by(before, rays), &sampling)?;
+    let cells = cells(before, &rays, options)?;
+    let prepared = prepared(before, &cells)?;
     let lap = |i| {
         let tracer = enter(i)?;
-        let mut kinds = PerKind::<KindSpeed>::default();
-        for (kind, rays) in rays.kinds.iter() {
-            if !rays.is_empty() {
-                let times = speed::times(kind, &prepared[kind], [before, &tracer], care.repeats(options.repeats))?;
-                kinds[kind] = KindSpeed::in_turns(rays.len(), &times.into());
+        let both = Sides { before, after: &tracer };
+        let cell = |kind, rays: &Vec<Ray>, prepared: &T::Rays<'_>| {
+            if rays.is_empty() {
+                return Ok(KindSpeed::default());
             }
-        }
-        Ok(RaceResult { kinds, built: tracer.built() })
+            let seconds = speed::pairs(kind, prepared, both, care.repeats(options.repeats))?;
+            Ok(KindSpeed::in_pairs(rays.len(), &seconds))
+        };
+        let views = cells.iter().zip(&prepared);
+        let views = views.map(|(rays, prepared)| PerKind::try_of(|kind| cell(kind, &rays[kind], &prepared[kind])));
+        Ok(RaceResult { views: ViewSpeeds(views.collect::<Result<_, T::Error>>()?), built: tracer.built() })
     };
     let mut laps: Vec<Result<RaceResult, T::Error>> = (0..contenders).map(lap).collect();
     level(&mut laps);
     Ok(laps)
 }
 
-/// Longest time that a kind of rays may take through the input, in seconds.
-const MOST_SECONDS: f64 = 0.02;
+/// Returns the rays of each kind that counts in each view: all of them, or as many as do not take too long.
+fn cells<T: Tracer>(before: &T, rays: &Rays, options: &VerifyOptions) -> Result<Vec<PerKind<Vec<Ray>>>, T::Error> {
+    let of_view = |view: &RaysOfView| {
+        PerKind::try_of(|kind| {
+            if options.weights.0[kind] == 0.0 {
+                return Ok(Vec::new());
+            }
+            let rays = rays.kinds[kind][view.range.clone()].to_vec();
+            if options.timed_rays_per_kind.is_some() { Ok(rays) } else { affordable(before, kind, rays) }
+        })
+    };
+    rays.views.iter().map(of_view).collect()
+}
+
+fn prepared<'r, T: Tracer>(tracer: &T, cells: &'r [PerKind<Vec<Ray>>]) -> Result<Vec<PerKind<T::Rays<'r>>>, T::Error> {
+    let mut prepared = Vec::with_capacity(cells.len());
+    for view in cells {
+        prepared.push(PerKind::try_of(|kind| tracer.prepare(&view[kind]))?);
+    }
+    Ok(prepared)
+}
+
+/// Longest time that a kind of rays may take through the input in a view, in seconds.
+const MOST_SECONDS: f64 = 0.005;
 
 /// Number of rays that keep a device busy: the limit on time does not reduce them further.
-const FEWEST_RAYS: usize = 1 << 20;
+const FEWEST_RAYS: usize = 1 << 19;
 
 /// Number of neighbouring rays that stay together, because a device traces them in lockstep.
 const TOGETHER: usize = 1 << 10;
@@ -144,9 +169,10 @@ fn prepared_ahead<R>(
 /// Gives all laps the same input speeds, the medians over all laps, and scales the contenders' speeds accordingly:
 /// while a device still raises its clock, the first laps are slow for input and contender alike.
 fn level<E>(laps: &mut [Result<RaceResult, E>]) {
-    for kind in RayKind::ALL {
-        let timed = laps.iter_mut().flatten().map(|lap| &mut lap.kinds[kind]).filter(|k| k.before_mrays_per_s > 0.0);
-        let mut timed: Vec<_> = timed.collect();
+    let views = laps.iter().flatten().map(|lap| lap.views.0.len()).max().unwrap_or(0);
+    for (view, kind) in (0..views).flat_map(|view| RayKind::ALL.map(|kind| (view, kind))) {
+        let cells = laps.iter_mut().flatten().filter_map(|lap| lap.views.0.get_mut(view)).map(|kinds| &mut kinds[kind]);
+        let mut timed: Vec<_> = cells.filter(|k| k.before_mrays_per_s > 0.0).collect();
         let mut speeds: Vec<f64> = timed.iter().map(|k| k.before_mrays_per_s).collect();
         speeds.sort_by(f64::total_cmp);
         let Some(&before) = speeds.get(speeds.len() / 2) else { continue };
@@ -216,13 +242,13 @@ mod tests {
         let lap = |before: f64, speedup_ratio: f64| {
             let idle = KindSpeed::default();
             let kind = KindSpeed { before_mrays_per_s: before, speedup_ratio, ..idle };
-            Ok::<_, Infallible>(RaceResult { kinds: [kind, idle, idle, idle].into(), built: None })
+            Ok::<_, Infallible>(RaceResult { views: ViewSpeeds(vec![[kind, idle, idle, idle].into()]), built: None })
         };
         let mut laps = vec![lap(1.0, 3.0), lap(4.0, 1.0), lap(4.0, 2.0)];
         level(&mut laps);
-        let after = laps.iter().flatten().map(|lap| lap.kinds[RayKind::Primary].after_mrays_per_s);
+        let after = laps.iter().flatten().map(|lap| lap.views.0[0][RayKind::Primary].after_mrays_per_s);
         assert_eq!(after.collect::<Vec<_>>(), [12.0, 4.0, 8.0]);
-        assert_eq!(laps[0].as_ref().map(|lap| lap.kinds[RayKind::Shadow].after_mrays_per_s), Ok(0.0));
+        assert_eq!(laps[0].as_ref().map(|lap| lap.views.0[0][RayKind::Shadow].after_mrays_per_s), Ok(0.0));
     }
 
     #[cfg(feature = "vulkan")]
@@ -249,8 +275,11 @@ mod tests {
             let Ok(laps) = race(&scene, &CpuTracer::new(&trees), 2, enter, Timing::Brief, &options);
             assert_eq!(laps.len(), 2);
             for Ok(lap) in laps {
-                let kinds = lap.kinds.map(|k| k.after_mrays_per_s > 0.0);
-                assert_eq!(kinds, weights.0.map(|weight| weight > 0.0));
+                assert_eq!(lap.views.0.len(), 4);
+                for kinds in lap.views.0 {
+                    let timed = kinds.map(|k| k.after_mrays_per_s > 0.0);
+                    assert_eq!(timed, weights.0.map(|weight| weight > 0.0));
+                }
             }
         }
     }

@@ -122,8 +122,8 @@ mod stream {
 ///
 /// - Primary: a regular grid over the picture of each view, jittered within its cells. The views are the file's cameras,
 ///   or the automatic one ([`View::automatic`]) if there are none, and then viewpoints inside the scene and around it.
-///   A camera that sees less than a 64th of its picture, and a viewpoint that sees less than an eighth, is replaced. If
-///   nothing sees that much, rays go from points of the sphere around the scene to points of random triangles.
+///   A camera that sees less than a 64th of its picture is left out, and viewpoints are tried until one sees an eighth.
+///   If none sees a 64th, rays go from points of the sphere around the scene to points of random triangles.
 /// - Shadow: from the points the primary rays of the same view hit to random points of a square light
 ///   ([`Stage::light`]).
 /// - Diffuse: from the same points, cosine-distributed about the normal on the side seen.

@@ -9,7 +9,9 @@ use super::cpu::TrueHit;
 use super::rays::{self, Ray, RayKind, Rays, RaysOfView};
 use super::seams::{Aimed, Seams};
 use super::speed::{self, KindSpeed};
+use super::view_speeds::ViewSpeeds;
 use super::views::Role;
+use super::work::Work;
 use super::{Note, OpaqueTextures, PerKind, Side, Sides, VerifyOptions};
 use crate::scene::{Scene, TriangleRef};
 
@@ -52,6 +54,12 @@ pub trait Tracer {
     /// As above.
     fn seconds(&self, kind: RayKind, rays: &Self::Rays<'_>) -> Result<f64, Self::Error>;
 
+    /// Returns the steps of rays of a kind, if these rather than seconds say how fast it is. They are the same in every
+    /// run.
+    fn work(&self, _kind: RayKind, _rays: &[Ray]) -> Option<Work> {
+        None
+    }
+
     /// Textures that it takes for opaque when it is timed.
     fn opaque_textures(&self) -> Option<OpaqueTextures> {
         None
@@ -93,11 +101,21 @@ pub(super) struct Seen {
     pub(super) notes: Vec<Note>,
 }
 
-/// How long rays took.
+/// How fast rays were traced.
+#[derive(Default)]
 pub(super) struct Timed {
-    pub(super) kinds: PerKind<KindSpeed>,
-    /// Each time taken, in seconds.
+    /// The speeds that count, by judging view.
+    pub(super) speeds: ViewSpeeds,
+    /// Each time taken, in seconds, added up over the views.
     pub(super) seconds: PerKind<Sides<Vec<f64>>>,
+    /// What they are beside seconds, if seconds do not count.
+    pub(super) counted: Option<Counted>,
+}
+
+/// Steps of rays, which count, and the seconds that they took, which do not.
+pub(super) struct Counted {
+    pub(super) work: PerKind<Sides<Work>>,
+    pub(super) measured: PerKind<KindSpeed>,
 }
 
 /// The tracers of the input and of the output.
@@ -147,10 +165,14 @@ fn together<T: Tracer>(
 ) -> Result<Seen, T::Error> {
     let views = Sides { before: View::of(tracers.before, rays, aimed)?, after: View::of(tracers.after, rays, aimed)? };
     let timed = timed_rays(before, rays, tracers.before, options)?;
-    let both = [tracers.before, tracers.after];
-    let seconds = PerKind::try_of(|kind| times(kind, &timed.kinds[kind], both, options.repeats).map(Sides::from))?;
-    let kinds = PerKind::of(|kind| KindSpeed::in_turns(timed.kinds[kind].len(), &seconds[kind]));
-    Ok(seen(rays, aimed, views, Timed { kinds, seconds }, compare))
+    let timed = if timed.kinds.values().all(Vec::is_empty) {
+        Timed::default()
+    } else if let Some(counted) = counted(&rays.of_role(Role::Judge), tracers) {
+        measured_beside(counted, &timed, tracers, options)?
+    } else {
+        timed_in_pairs(&timed, tracers, options)?
+    };
+    Ok(seen(rays, aimed, views, timed, compare))
 }
 
 /// Like [`together`], with one tracer at a time.
@@ -163,21 +185,106 @@ fn one_by_one<T: Tracer>(
     compare: impl Compare,
 ) -> Result<Seen, T::Error> {
     let all_times = |tracer: &T, rays: &Rays| {
-        PerKind::try_of(|kind| times(kind, &rays.kinds[kind], [tracer], options.repeats).map(|[times]| times))
+        by_view(rays, |kind, rays| speed::alone(kind, &tracer.prepare(rays)?, tracer, options.repeats))
     };
     let tracer = (make.before)()?;
     let view_before = View::of(&tracer, rays, aimed)?;
     let timed = timed_rays(before, rays, &tracer, options)?;
-    let mut times_before = all_times(&tracer, &timed)?;
+    let times_before = all_times(&tracer, &timed)?;
     drop(tracer);
     let tracer = (make.after)()?;
     let view_after = View::of(&tracer, rays, aimed)?;
-    let mut times_after = all_times(&tracer, &timed)?;
-    let seconds = PerKind::of(|kind| {
-        Sides { before: &mut times_before, after: &mut times_after }.map(|times| std::mem::take(&mut times[kind]))
-    });
-    let kinds = PerKind::of(|kind| KindSpeed::one_after_the_other(timed.kinds[kind].len(), &seconds[kind]));
-    Ok(seen(rays, aimed, Sides { before: view_before, after: view_after }, Timed { kinds, seconds }, compare))
+    let times_after = all_times(&tracer, &timed)?;
+    let both = |(before, after): (PerKind<Vec<f64>>, PerKind<Vec<f64>>)| {
+        PerKind::of(|kind| Sides { before: before[kind].clone(), after: after[kind].clone() })
+    };
+    let cells: Vec<PerKind<Sides<Vec<f64>>>> = times_before.into_iter().zip(times_after).map(both).collect();
+    let timed = Timed::new(&timed, &cells, KindSpeed::one_after_the_other);
+    Ok(seen(rays, aimed, Sides { before: view_before, after: view_after }, timed, compare))
+}
+
+/// Times both tracers in pairs: each kind of rays in each view.
+pub(super) fn timed_in_pairs<T: Tracer>(
+    rays: &Rays,
+    tracers: Sides<&T>,
+    options: &VerifyOptions,
+) -> Result<Timed, T::Error> {
+    let cells =
+        by_view(rays, |kind, rays| speed::pairs(kind, &tracers.before.prepare(rays)?, tracers, options.repeats))?;
+    Ok(Timed::new(rays, &cells, KindSpeed::in_pairs))
+}
+
+/// Returns something of the rays of each kind in each view; nothing of no rays.
+fn by_view<R: Default, E>(
+    rays: &Rays,
+    mut of: impl FnMut(RayKind, &[Ray]) -> Result<R, E>,
+) -> Result<Vec<PerKind<R>>, E> {
+    let mut of_view = |view: &RaysOfView| {
+        PerKind::try_of(|kind| match &rays.kinds[kind].get(view.range.clone()) {
+            Some(rays) if !rays.is_empty() => of(kind, rays),
+            _ => Ok(R::default()),
+        })
+    };
+    rays.views.iter().map(&mut of_view).collect()
+}
+
+/// Counts the steps of rays in each view, if the tracers count; `None` if seconds say how fast they are.
+fn counted<T: Tracer>(rays: &Rays, tracers: Sides<&T>) -> Option<Vec<PerKind<Sides<Work>>>> {
+    let of = |kind, rays: &[Ray]| -> Result<Sides<Work>, ()> {
+        let work = |tracer: &T| tracer.work(kind, rays).ok_or(());
+        Ok(Sides { before: work(tracers.before)?, after: work(tracers.after)? })
+    };
+    by_view(rays, of).ok()
+}
+
+/// Takes the speeds from steps, and measures the seconds of some rays beside them.
+fn measured_beside<T: Tracer>(
+    work: Vec<PerKind<Sides<Work>>>,
+    rays: &Rays,
+    tracers: Sides<&T>,
+    options: &VerifyOptions,
+) -> Result<Timed, T::Error> {
+    let exact = |of: &Sides<Work>| KindSpeed::exact(of.before.rays as usize, of.as_ref().map(Work::seconds));
+    let speeds = ViewSpeeds(work.iter().map(|view| view.each_ref().map(exact)).collect());
+    let add = |all: Sides<Work>, view: &Sides<Work>| Sides {
+        before: all.before.and(view.before),
+        after: all.after.and(view.after),
+    };
+    let work = PerKind::of(|kind| work.iter().map(|view| &view[kind]).fold(Sides::default(), add));
+    let seconds = PerKind::try_of(|kind| match rays.kinds[kind].as_slice() {
+        [] => Ok(Sides::default()),
+        rays => speed::pairs(kind, &tracers.before.prepare(rays)?, tracers, options.repeats),
+    })?;
+    let measured = PerKind::of(|kind| KindSpeed::in_pairs(rays.kinds[kind].len(), &seconds[kind]));
+    Ok(Timed { speeds, seconds, counted: Some(Counted { work, measured }) })
+}
+
+impl Timed {
+    /// Of the seconds of each kind in each view.
+    fn new(
+        rays: &Rays,
+        cells: &[PerKind<Sides<Vec<f64>>>],
+        speed: impl Fn(usize, &Sides<Vec<f64>>) -> KindSpeed,
+    ) -> Timed {
+        let of_view = |(view, cells): (&RaysOfView, &PerKind<Sides<Vec<f64>>>)| {
+            cells.each_ref().map(|seconds| speed(view.range.len(), seconds))
+        };
+        let mut seconds = PerKind::<Sides<Vec<f64>>>::default();
+        for (kind, all) in seconds.iter_mut() {
+            for cell in cells {
+                for side in Side::BOTH {
+                    add(&mut all[side], &cell[kind][side]);
+                }
+            }
+        }
+        Timed { speeds: ViewSpeeds(rays.views.iter().zip(cells).map(of_view).collect()), seconds, counted: None }
+    }
+}
+
+/// Adds numbers to others, of which there may be none yet.
+fn add(all: &mut Vec<f64>, more: &[f64]) {
+    all.resize(more.len().max(all.len()), 0.0);
+    all.iter_mut().zip(more).for_each(|(sum, number)| *sum += number);
 }
 
 /// One tracer's results for the compared rays.
@@ -228,19 +335,6 @@ fn seen(rays: &Rays, aimed: &Aimed, views: Sides<View>, timed: Timed, compare: i
     let notes = opaque.into_iter().filter_map(|(side, textures)| Some(Note::OpaqueTextures(side, textures?))).collect();
     let structures = before.built.zip(after.built).map(|(before, after)| Structures::of(&Sides { before, after }));
     Seen { device: before.device, views: rays.views.clone(), tally, seams, timed, structures, notes }
-}
-
-/// Times rays of one kind, which are prepared only for this purpose.
-fn times<T: Tracer, const N: usize>(
-    kind: RayKind,
-    rays: &[Ray],
-    tracers: [&T; N],
-    repeats: u32,
-) -> Result<[Vec<f64>; N], T::Error> {
-    match tracers.first().filter(|_| !rays.is_empty()) {
-        None => Ok([const { Vec::new() }; N]),
-        Some(first) => speed::times(kind, &first.prepare(rays)?, tracers, repeats),
-    }
 }
 
 /// Returns the rays to be timed: of the views that judge.

@@ -29,8 +29,10 @@ use super::sight::CannotTell;
 use super::speed::KindSpeed;
 use super::structure::{Fault, Record, Structure, allowed_error};
 use super::tracing::Seen;
+use super::view_speeds::ViewSpeeds;
 use super::views::ViewReport;
-use super::weights::Weights;
+use super::weights::{Overall, Weights};
+use super::work::{Work, WorkPerRay};
 use super::{Exact, Failure, FaultKind, Matching, Note, PerKind, Side, Sides, VerifyOptions, surface};
 use crate::scene::Scene;
 
@@ -79,10 +81,21 @@ pub struct Verification {
     /// Largest distance of a corner from its place over the diagonal of the input's box; NaN (`null` in JSON) if only
     /// surfaces were compared.
     pub position_error_ratio: f64,
-    /// Speed by ray kind.
+    /// What the speeds are: seconds measured, or steps counted.
+    pub speed_by: SpeedBy,
+    /// Speed by ray kind, over the views that judge.
     pub kinds: PerKind<KindSpeed>,
-    /// The seconds that the timed rays took, for each repeat.
+    /// Speed in each view that judges.
+    #[serde(skip)]
+    pub speeds: ViewSpeeds,
+    /// The seconds that the timed rays took over all views, for each repeat.
     pub seconds: PerKind<Sides<Vec<f64>>>,
+    /// Steps per ray, if they decide.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps: Option<PerKind<Sides<WorkPerRay>>>,
+    /// Speed by the seconds measured, if steps decide instead.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured_kinds: Option<PerKind<KindSpeed>>,
     /// What the device built; `None` on the CPU.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub structures: Option<Structures>,
@@ -103,7 +116,25 @@ pub struct Verification {
     pub notes: Vec<Note>,
 }
 
+/// What speeds are based on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SpeedBy {
+    /// Nothing: no ray was timed.
+    #[default]
+    Nothing,
+    /// Seconds on a device.
+    Seconds,
+    /// Steps of rays on the CPU, at fixed prices.
+    Steps,
+}
+
 impl Verification {
+    /// The speed over all ray kinds and the views that judge.
+    pub fn overall(&self, weights: &Weights) -> Overall {
+        self.speeds.overall(weights)
+    }
+
     /// What tracing the output costs in accuracy.
     pub fn accuracy(&self) -> Accuracy {
         Accuracy {
@@ -128,7 +159,7 @@ pub(super) fn judge(
     cannot_tell: CannotTell,
     options: &VerifyOptions,
 ) -> Verification {
-    let Seen { tally, mut notes, .. } = seen;
+    let Seen { tally, mut notes, timed, .. } = seen;
     let structure = exact.map(|exact| exact.structure.clone());
     let contents = exact.and_then(|exact| exact.contents.clone());
     let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
@@ -164,7 +195,7 @@ pub(super) fn judge(
     Verification {
         device: seen.device,
         view: seen.views.first().map_or("nothing to see".into(), |view| view.name.clone()),
-        views: seen.views.into_iter().map(ViewReport::from).collect(),
+        views: ViewReport::all(&seen.views, &timed.speeds.views(&options.weights)),
         rays: tally.rays,
         hits: tally.hits,
         mismatches: tally.mismatches,
@@ -182,8 +213,16 @@ pub(super) fn judge(
         before_rms_relative_distance_error: tally.before.rms(),
         distance_error_histogram: Histogram::of(&tally),
         position_error_ratio: structure.as_ref().map_or(f64::NAN, |s| s.position_error_ratio),
-        kinds: seen.timed.kinds,
-        seconds: seen.timed.seconds,
+        speed_by: match &timed.counted {
+            Some(_) => SpeedBy::Steps,
+            None if timed.speeds.0.is_empty() => SpeedBy::Nothing,
+            None => SpeedBy::Seconds,
+        },
+        kinds: timed.speeds.kinds(&options.weights),
+        speeds: timed.speeds,
+        seconds: timed.seconds,
+        steps: timed.counted.as_ref().map(|counted| counted.work.map(|both| both.as_ref().map(Work::per_ray))),
+        measured_kinds: timed.counted.map(|counted| counted.measured),
         structures: seen.structures,
         touched_area_ratio,
         structure,
@@ -261,7 +300,7 @@ fn ray_failure(tally: &Tally) -> Option<Failure> {
 /// The result of a bake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Verdict {
-    /// The output traces faster than the input by more than the spread.
+    /// The output traces faster than the input by more than the spread, and in no view slower than allowed.
     #[serde(rename = "faster")]
     Faster,
     /// The output was restructured, but does not trace faster by more than the spread.
@@ -278,8 +317,9 @@ pub enum Verdict {
     Failed,
 }
 
-/// Decides the result; faster means: weighted over ray kinds, by more than the uncertainty of the speedup.
-pub(crate) fn verdict(verification: &Verification, weights: &Weights, unchanged: bool) -> Verdict {
+/// Decides the result. Faster means: over ray kinds and judging views, by more than the uncertainty of the speedup, and
+/// in no judging view slower than allowed.
+pub(crate) fn verdict(verification: &Verification, options: &VerifyOptions, unchanged: bool) -> Verdict {
     if !verification.passed() {
         let unclear = verification.failures.iter().all(Failure::is_unclear);
         return if unclear { Verdict::CannotTell } else { Verdict::Failed };
@@ -287,5 +327,6 @@ pub(crate) fn verdict(verification: &Verification, weights: &Weights, unchanged:
     if unchanged {
         return Verdict::LeftAlone;
     }
-    if weights.overall(&verification.kinds).is_faster() { Verdict::Faster } else { Verdict::NotFaster }
+    let is_faster = verification.overall(&options.weights).is_never_slower(options.least_view_ratio);
+    if is_faster { Verdict::Faster } else { Verdict::NotFaster }
 }

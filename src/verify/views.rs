@@ -11,6 +11,7 @@ use super::cpu::TrueHit;
 use super::random::Random;
 use super::rays::{Ray, RaysOfView};
 use super::view::{Stage, View};
+use super::weights::Overall;
 use crate::scene::{Bounds, Scene};
 
 /// Default number of views: four choose and four judge, which leaves a view about as many rays as keep a GPU busy.
@@ -53,10 +54,12 @@ pub(super) struct PlacedView {
     pub(super) seen_ratio: f64,
 }
 
-/// A camera of the file is used if at least this share of its picture shows something.
-const SEEN_BY_CAMERA: f64 = 1.0 / 64.0;
-/// A viewpoint placed by the scene is used if at least this share of its picture shows something.
-const SEEN_FROM_PLACE: f64 = 1.0 / 8.0;
+/// A view is used only if at least this share of its picture shows something.
+const LEAST_SEEN: f64 = 1.0 / 64.0;
+/// Viewpoints are tried until at least this share of the picture shows something.
+const ENOUGH_SEEN: f64 = 1.0 / 8.0;
+/// Description of rays from all around.
+const AROUND: &str = "random points around the scene";
 /// Side of the picture, in rays, by which a view is judged to see something.
 const PICTURE: usize = 16;
 /// Viewpoints of each kind that are tried for a view; cameras that are tried, per view.
@@ -113,10 +116,10 @@ pub(super) fn place<E>(
     let placer = Placer { stage, bounds, closest, seed };
     let mut views = Vec::with_capacity(count);
     for camera in scene.cameras.iter().filter_map(View::of).take(TRIES * count) {
-        views.extend(placer.seen(camera, SEEN_BY_CAMERA)?.filter(|_| views.len() < count));
+        views.extend(Some(placer.seen(camera)?).filter(|view| view.seen_ratio >= LEAST_SEEN && views.len() < count));
     }
     if views.is_empty() {
-        views.extend(placer.seen(View::automatic(stage), SEEN_BY_CAMERA)?);
+        views.extend(Some(placer.seen(View::automatic(stage))?).filter(|view| view.seen_ratio >= LEAST_SEEN));
     }
     while views.len() < count {
         views.push(placer.viewpoint(views.len())?);
@@ -133,8 +136,8 @@ struct Placer<'a, C> {
 }
 
 impl<E, C: Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>> Placer<'_, C> {
-    /// Returns a view if it sees at least a share of its picture.
-    fn seen(&self, view: View, least: f64) -> Result<Option<PlacedView>, E> {
+    /// Returns a view with the share of its picture that shows something.
+    fn seen(&self, view: View) -> Result<PlacedView, E> {
         let at = |i: usize| {
             let mut random = Random::at(self.seed, stream::PICTURE, i);
             let cell = [i % PICTURE, i / PICTURE].map(|cell| cell as f64);
@@ -145,12 +148,13 @@ impl<E, C: Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>> Placer<'_, C> {
         let rays: Vec<Ray> = (0..PICTURE * PICTURE).map(at).collect();
         let hits = (self.closest)(&rays)?.iter().flatten().count();
         let seen_ratio = hits as f64 / rays.len() as f64;
-        let name = view.name.clone();
-        Ok((seen_ratio >= least).then_some(PlacedView { name, source: Source::View(view), seen_ratio }))
+        Ok(PlacedView { name: view.name.clone(), source: Source::View(view), seen_ratio })
     }
 
-    /// Returns a view from a viewpoint, or from all around if none sees enough.
+    /// Returns a view from the first viewpoint that sees enough, else from the one that sees most, or from all around if
+    /// that is next to nothing.
     fn viewpoint(&self, index: usize) -> Result<PlacedView, E> {
+        let mut best = PlacedView { name: AROUND.to_owned(), source: Source::Around, seen_ratio: 0.0 };
         let preferred = Place::of(index, self.stage.enclosed);
         for place in [preferred, preferred.other()] {
             for attempt in 0..TRIES {
@@ -160,13 +164,16 @@ impl<E, C: Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>> Placer<'_, C> {
                     Place::Outside => Some(self.outside(index, stream)),
                 };
                 let Some(view) = view else { continue };
-                if let Some(placed) = self.seen(view, SEEN_FROM_PLACE)? {
-                    return Ok(placed);
+                let view = self.seen(view)?;
+                if view.seen_ratio >= ENOUGH_SEEN {
+                    return Ok(view);
+                }
+                if view.seen_ratio >= LEAST_SEEN.max(best.seen_ratio) {
+                    best = view;
                 }
             }
         }
-        let name = "random points around the scene".to_owned();
-        Ok(PlacedView { name, source: Source::Around, seen_ratio: 0.0 })
+        Ok(best)
     }
 
     /// Returns the view from the roomiest of some random points, toward something at least as far as most of what is
@@ -230,12 +237,27 @@ pub struct ViewReport {
     pub role: Role,
     /// Share of the picture that shows something, from 256 rays; 0 if rays came from all around.
     pub seen_ratio: f64,
+    /// Its speedup over all ray kinds; `None` if its rays do not decide, or were not timed.
+    pub speedup_ratio: Option<f64>,
+    /// Uncertainty of `speedup_ratio` over repeats.
+    pub spread_ratio: Option<f64>,
 }
 
-impl From<RaysOfView> for ViewReport {
-    fn from(view: RaysOfView) -> ViewReport {
-        let RaysOfView { name, role, seen_ratio, .. } = view;
-        ViewReport { name, role, seen_ratio }
+impl ViewReport {
+    /// All views, with the speeds of those that judge.
+    pub(super) fn all(views: &[RaysOfView], speeds: &[Overall]) -> Vec<ViewReport> {
+        let mut speeds = speeds.iter();
+        let report = |view: &RaysOfView| {
+            let speed = if view.role == Role::Judge { speeds.next() } else { None };
+            ViewReport {
+                name: view.name.clone(),
+                role: view.role,
+                seen_ratio: view.seen_ratio,
+                speedup_ratio: speed.map(|speed| speed.speedup_ratio),
+                spread_ratio: speed.map(|speed| speed.spread_ratio),
+            }
+        };
+        views.iter().map(report).collect()
     }
 }
 
@@ -278,7 +300,7 @@ mod tests {
         for (scene, inside) in [(test_scenes::room(), 6), (solid, 0)] {
             let views = rays(&scene, &Sampling::new(800, 1)).views;
             let names = |word: &str| views.iter().filter(|view| view.name.contains(word)).count();
-            assert!(views.iter().all(|view| view.seen_ratio >= SEEN_FROM_PLACE), "{views:?}");
+            assert!(views.iter().all(|view| view.seen_ratio >= ENOUGH_SEEN), "{views:?}");
             assert_eq!([names("inside"), names("outside")], [inside, 8 - inside], "{views:?}");
         }
     }

@@ -17,7 +17,7 @@ impl Default for Weights {
     }
 }
 
-/// Speed over several ray kinds.
+/// Speed over several ray kinds, in one view or over several.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overall {
     /// Million rays per second through the input; 0 without rays.
@@ -26,14 +26,46 @@ pub struct Overall {
     pub after_mrays_per_s: f64,
     /// The time of the input over that of the output; 1 without rays.
     pub speedup_ratio: f64,
-    /// Uncertainty of the speedup, see [`KindSpeed::spread_ratio`].
+    /// Uncertainty of the speedup: that over repeats and that over views, added as squares.
     pub spread_ratio: f64,
+    /// Uncertainty over repeats, see [`KindSpeed::spread_ratio`].
+    pub repeats_spread_ratio: f64,
+    /// Uncertainty over views: the standard error of the mean of their speedups; 0 for one view.
+    pub views_spread_ratio: f64,
+    /// The least speedup of any view.
+    pub least_view_ratio: f64,
+    /// The largest speedup of any view.
+    pub most_view_ratio: f64,
 }
 
 impl Overall {
     /// Whether the output is faster by more than the uncertainty.
     pub fn is_faster(&self) -> bool {
         self.speedup_ratio > 1.0 + self.spread_ratio
+    }
+
+    /// Whether the output is faster, and in no view slower than allowed.
+    pub fn is_never_slower(&self, least_view_ratio: f64) -> bool {
+        self.is_faster() && self.least_view_ratio >= least_view_ratio
+    }
+
+    /// The speedup that is left if the uncertainty is taken off.
+    pub fn sure_ratio(&self) -> f64 {
+        self.speedup_ratio - self.spread_ratio
+    }
+
+    /// The speed of one view.
+    fn of_view(before_mrays_per_s: f64, after_mrays_per_s: f64, speedup_ratio: f64, spread_ratio: f64) -> Overall {
+        Overall {
+            before_mrays_per_s,
+            after_mrays_per_s,
+            speedup_ratio,
+            spread_ratio,
+            repeats_spread_ratio: spread_ratio,
+            views_spread_ratio: 0.0,
+            least_view_ratio: speedup_ratio,
+            most_view_ratio: speedup_ratio,
+        }
     }
 }
 
@@ -65,18 +97,14 @@ impl Weights {
         let time = |k: &KindSpeed| 1.0 / (k.before_mrays_per_s * k.speedup_ratio);
         let after = self.mean(&kinds.each_ref().map(time));
         if !(before > 0.0 && before.is_finite() && after > 0.0 && after.is_finite()) {
-            return Overall { before_mrays_per_s: 0.0, after_mrays_per_s: 0.0, speedup_ratio: 1.0, spread_ratio: 0.0 };
+            return Overall::of_view(0.0, 0.0, 1.0, 0.0);
         }
         let total = self.total();
         let share = |kind: RayKind, weight: f64| weight / total * time(&kinds[kind]) / after;
         let off = |(kind, weight)| (share(kind, weight) * kinds[kind].spread_ratio / kinds[kind].speedup_ratio).powi(2);
         let speedup_ratio = before / after;
-        Overall {
-            before_mrays_per_s: 1.0 / before,
-            after_mrays_per_s: 1.0 / after,
-            speedup_ratio,
-            spread_ratio: speedup_ratio * self.counted().map(off).sum::<f64>().sqrt(),
-        }
+        let spread_ratio = speedup_ratio * self.counted().map(off).sum::<f64>().sqrt();
+        Overall::of_view(1.0 / before, 1.0 / after, speedup_ratio, spread_ratio)
     }
 
     /// Returns the kinds with nonzero weight, with their weights.

@@ -52,6 +52,35 @@ fn a_bake_is_verified_triangle_by_triangle() {
 }
 
 #[test]
+fn a_file_against_itself_is_not_timed() {
+    for name in ["overlapping", "textured"] {
+        let ran = verify(&sample(name), &sample(name), &["--json"]);
+        assert_eq!((ran.status, ran.stderr.as_str()), (0, ""), "{name}");
+        let report = ran.json();
+        assert_eq!((&report["verdict"], &report["verify"]["speed_by"]), (&"not faster".into(), &"nothing".into()));
+        assert_eq!(report["overall"]["speedup_ratio"], 1.0);
+        let notes = report["notes"].as_array().unwrap();
+        assert!(notes.iter().any(|note| note.as_str().is_some_and(|note| note.contains("nothing was timed"))));
+        assert!(report["verify"]["hits"].as_u64() > Some(0), "{name}: rays are compared nevertheless");
+    }
+}
+
+#[test]
+fn a_slow_view_is_no_gain() {
+    let folder = TempDir::new().unwrap();
+    let output = folder.path().join("out.glb");
+    let report = bake(&sample("overlapping"), &output, &["--method", "single", "--device", "cpu", "--json"]);
+    let (overall, views) = (&report["overall"], report["verify"]["views"].as_array().unwrap());
+    let judging: Vec<f64> = views.iter().filter_map(|view| view["speedup_ratio"].as_f64()).collect();
+    assert_eq!(judging.len(), views.len() / 2);
+    let least = judging.iter().copied().fold(f64::INFINITY, f64::min);
+    assert_eq!(overall["least_view_ratio"].as_f64(), Some(least));
+    let above = (least + 1e-6).to_string();
+    let ran = verify(&sample("overlapping"), &output, &["--least-view-ratio", &above, "--json"]);
+    assert_eq!(ran.json()["verdict"], "not faster");
+}
+
+#[test]
 fn of_a_strangers_output_all_triangles_are_compared_by_place() {
     for name in ["overlapping", "materials", "instanced", "textured"] {
         let folder = TempDir::new().unwrap();

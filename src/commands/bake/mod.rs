@@ -72,6 +72,7 @@ impl BakeOptions {
             seed: verify.seed,
             rays: verify.rays_per_kind,
             repeats: verify.repeats,
+            least_view_ratio: verify.least_view_ratio,
             max_position_error_ratio: verify.max_position_error_ratio,
             max_bytes_ratio: choose.max_bytes_ratio(),
             max_group_triangles: layout.cluster.max_group_triangles,
@@ -238,8 +239,9 @@ impl Tried {
         let after_trees = trees.build_for(scene, &after, &chosen.trees);
         let scenes = Sides { before: scene, after: &after };
         let trees_of_both = Sides { before: trees, after: &after_trees };
-        let verification = machine.verify_with(scenes, trees_of_both, exact.as_ref(), &options.verify)?;
-        let verdict = verdict(&verification, &options.verify.weights, written.unchanged);
+        let verify = if written.unchanged { options.verify.untimed() } else { options.verify.clone() };
+        let verification = machine.verify_with(scenes, trees_of_both, exact.as_ref(), &verify)?;
+        let verdict = verdict(&verification, &options.verify, written.unchanged);
         Ok(Tried { written, after, trees: after_trees, verification, verdict })
     }
 }

@@ -24,10 +24,12 @@ pub struct Steps {
     pub entries: u32,
     /// Number of inner nodes of bottom trees.
     pub bottom: u32,
+    /// Number of triangles tested.
+    pub tests: u32,
 }
 
 impl Steps {
-    /// Returns the total number of steps.
+    /// Returns the total number of steps from node to node and into instances.
     pub fn total(&self) -> u64 {
         u64::from(self.top) + u64::from(self.entries) + u64::from(self.bottom)
     }
@@ -84,7 +86,7 @@ pub(super) fn search<T: Real, X: TriangleTest<T>>(
     let mut best: Option<Found<T>> = None;
     let Stacks { top, bottom, steps } = stacks;
     *steps = Steps::default();
-    let Steps { top: steps_top, entries, bottom: steps_bottom } = steps;
+    let Steps { top: steps_top, entries, bottom: steps_bottom, tests } = steps;
     let _ = traverse(&accel.top, ray, [within.t_min, within.t_max], top, steps_top, |items| {
         for at in items {
             let entry = &accel.entries[at];
@@ -95,6 +97,7 @@ pub(super) fn search<T: Real, X: TriangleTest<T>>(
             let range = [within.t_min - start, limit - start];
             traverse(&mesh.nodes, &inside.boxes, range, bottom, steps_bottom, |items| {
                 for i in items {
+                    *tests += 1;
                     let Some(crossing) = inside.triangles.cross(corners(entry, &mesh.corners[i])) else { continue };
                     let found =
                         Found { t: start + crossing.t, entry: at, triangle: mesh.order[i], front: crossing.front };

@@ -16,6 +16,7 @@ use super::two_level::{Entry, TwoLevel};
 use super::watertight::ShearedRay;
 use crate::scene::TriangleRef;
 use crate::verify::rays::{Ray, RayKind};
+use crate::verify::work::Work;
 use crate::verify::{Hit, TimingHints, Tracer};
 
 /// Number of rays per task: few enough to spread over threads, enough to amortise its stacks.
@@ -134,6 +135,10 @@ impl Tracer for CpuTracer<'_> {
 
     fn occluded(&self, rays: &&[Ray]) -> Result<Vec<bool>, Infallible> {
         Ok(CpuTracer::occluded(self, rays))
+    }
+
+    fn work(&self, kind: RayKind, rays: &[Ray]) -> Option<Work> {
+        Some(self.steps(rays, kind == RayKind::Shadow).iter().collect())
     }
 
     fn seconds(&self, kind: RayKind, rays: &&[Ray]) -> Result<f64, Infallible> {
