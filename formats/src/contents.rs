@@ -34,8 +34,8 @@ pub struct Node {
     pub children: Vec<usize>,
     /// The mesh placed here.
     pub mesh: Option<usize>,
-    /// Whether the node has a skin.
-    pub skinned: bool,
+    /// The skin of the mesh.
+    pub skin: Option<usize>,
     /// The camera placed here.
     pub camera: Option<usize>,
     /// Parent-from-node transform. Finite; may be mirrored or singular.

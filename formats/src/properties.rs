@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::Arc;
 
 use bytes::Bytes;
 use glam::DAffine2;
@@ -152,8 +153,6 @@ pub struct NodeContent {
     pub extensions: BTreeMap<String, Property>,
     /// The camera.
     pub camera: Option<Property>,
-    /// The skin.
-    pub skin: Option<Skin>,
     /// The morph weights, of the node or else of its mesh.
     pub weights: Option<Vec<f64>>,
     /// `extras.raykiln.moved_to`: the nodes that show its triangles now.
@@ -170,7 +169,7 @@ pub struct Skin {
     /// The node above its joints.
     pub skeleton: Option<usize>,
     /// Sixteen numbers per joint, column by column; empty if all are identities.
-    pub inverse_bind_matrices: Vec<f64>,
+    pub inverse_bind_matrices: Arc<[f64]>,
 }
 
 /// What a mesh or primitive says besides its geometry.
@@ -205,9 +204,9 @@ pub struct Channel {
     /// `LINEAR`, `STEP` or `CUBICSPLINE`.
     pub interpolation: String,
     /// The times of its keys in seconds.
-    pub times: Vec<f64>,
+    pub times: Arc<[f64]>,
     /// The values at its keys.
-    pub values: Vec<f64>,
+    pub values: Arc<[f64]>,
 }
 
 /// A primitive of points or lines.
@@ -222,7 +221,7 @@ pub struct Strokes {
     /// Vertices of all elements.
     pub vertices: Vec<u32>,
     /// Positions of the vertices as stored.
-    pub positions: Vec<[f64; 3]>,
+    pub positions: Arc<[[f64; 3]]>,
 }
 
 /// The document must have passed [`Document::contents`] for all of these; what is malformed in places that it does not
@@ -256,6 +255,18 @@ impl Document {
         crate::gltf::properties::node(self, node)
     }
 
+    /// Returns all skins.
+    pub fn skins(&self) -> Vec<Skin> {
+        crate::gltf::properties::skins(self)
+    }
+
+    /// Returns the document with another scene as the default one; it shares all buffers.
+    pub fn showing(&self, scene: usize) -> Document {
+        let mut other = self.clone();
+        other.json["scene"] = scene.into();
+        other
+    }
+
     /// Returns what a mesh says.
     pub fn mesh_content(&self, mesh: usize) -> MeshContent {
         crate::gltf::properties::mesh(self, mesh)
@@ -282,8 +293,8 @@ impl Document {
         crate::gltf::properties::root(self)
     }
 
-    /// Returns the points and lines of a mesh.
-    pub fn strokes(&self, mesh: usize) -> Vec<Strokes> {
-        crate::gltf::properties::strokes(self, mesh)
+    /// Returns the points and lines of all meshes, by mesh; primitives that refer to one accessor share its positions.
+    pub fn strokes(&self) -> Vec<Vec<Strokes>> {
+        crate::gltf::properties::strokes(self)
     }
 }

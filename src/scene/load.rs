@@ -116,7 +116,7 @@ fn node_pin(contents: &Contents, node: &contents::Node, keep: &GlobSet) -> Optio
 
 /// Returns why a node alone is pinned.
 fn instance_pin(contents: &Contents, node: &contents::Node, mesh: usize) -> Option<Pinned> {
-    if node.skinned {
+    if node.skin.is_some() {
         Some(Pinned::Skinned)
     } else if contents.meshes[mesh].primitives.iter().any(|p| p.morphed) {
         Some(Pinned::Morphed)

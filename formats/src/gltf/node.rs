@@ -41,7 +41,7 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
         parent: None,
         children: children?,
         mesh: at.index("mesh", "meshes", root.count("meshes"))?,
-        skinned: at.index("skin", "skins", root.count("skins"))?.is_some(),
+        skin: at.index("skin", "skins", root.count("skins"))?,
         camera: at.index("camera", "cameras", root.count("cameras"))?,
         local: local(at, warnings)?,
         copies: at.extension(EXT_MESH_GPU_INSTANCING).map(|e| copies(doc, &e, warnings)).transpose()?,

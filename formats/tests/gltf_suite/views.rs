@@ -60,7 +60,7 @@ fn skinned_nodes_are_marked_and_skins_checked() {
     let mut doc = triangle();
     doc.json["nodes"][0]["skin"] = 0.into();
     doc.json["skins"] = json!([{ "joints": [0] }]);
-    assert!(contents(&doc).nodes[0].skinned);
+    assert!(contents(&doc).nodes[0].skin.is_some());
     for (key, value) in [("joints", json!([1])), ("skeleton", json!(1)), ("inverseBindMatrices", json!(1))] {
         doc.json["skins"] = json!([{ "joints": [0] }]);
         doc.json["skins"][0][key] = value;

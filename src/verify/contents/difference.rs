@@ -132,6 +132,91 @@ kinds! {
     AttributeAdded = "attribute-added", Error;
     /// An attribute that only one file has and that its material does not use.
     UnusedAttribute = "unused-attribute", Note;
+    /// The material that a variant shows.
+    Variant = "variant", Error;
+    /// The extras of a primitive.
+    PrimitiveExtras = "primitive-extras", Error;
+    /// An extension of a primitive.
+    PrimitiveExtension = "primitive-extension", Error;
+    /// The extras of a mesh, which may be recorded at the node that placed it.
+    MeshExtras = "mesh-extras", Error;
+    /// An extension of a mesh.
+    MeshExtension = "mesh-extension", Error;
+    /// The name of a node that has the same number.
+    NodeRenamed = "node-renamed", Error;
+    /// Where a node is in the world, if it carries more than a mesh.
+    NodeMoved = "node-moved", Error;
+    /// What a node is below, if numbers are kept or something animated is above it.
+    NodeReparented = "node-reparented", Error;
+    /// The extras of a node.
+    NodeExtras = "node-extras", Error;
+    /// An extension of a node.
+    NodeExtension = "node-extension", Error;
+    /// A missing node that has an extension or a skin, or that an animation moves.
+    NodeLost = "node-lost", Error;
+    /// The weights of morph targets.
+    MorphWeights = "morph-weights", Error;
+    /// The skin of a node: its joints, their matrices or its skeleton.
+    Skin = "skin", Error;
+    /// A camera that is missing, differs, or is in another place.
+    Camera = "camera", Error;
+    /// A light that is missing, differs, or is in another place.
+    Light = "light", Error;
+    /// A light that only the output has.
+    LightAdded = "light-added", Error;
+    /// An animation that is missing.
+    AnimationMissing = "animation-missing", Error;
+    /// An animation that only the output has.
+    AnimationAdded = "animation-added", Error;
+    /// Something that an animation of the input moves and that of the output does not.
+    ChannelMissing = "channel-missing", Error;
+    /// Something that an animation of the output moves and that of the input does not.
+    ChannelAdded = "channel-added", Error;
+    /// The keys of an animation: interpolation, times or values.
+    AnimationKeys = "animation-keys", Error;
+    /// Extras or an extension of an animation.
+    AnimationData = "animation-data", Error;
+    /// The name of an animation.
+    AnimationName = "animation-name", Error;
+    /// A scene that is missing.
+    SceneMissing = "scene-missing", Error;
+    /// Triangles of a scene other than the default one: missing, repeated, unknown, flipped or moved.
+    SceneTriangles = "scene-triangles", Error;
+    /// A node that a scene shows in only one file.
+    SceneNodes = "scene-nodes", Error;
+    /// Which scene is the default.
+    DefaultScene = "default-scene", Error;
+    /// The name of a scene.
+    SceneName = "scene-name", Error;
+    /// Extras or an extension of a scene.
+    SceneData = "scene-data", Error;
+    /// Extras or an extension of the file, the names of its variants, or its copyright.
+    FileData = "file-data", Error;
+    /// A point or line that is missing.
+    StrokeMissing = "stroke-missing", Error;
+    /// A point or line that only the output has.
+    StrokeAdded = "stroke-added", Error;
+    /// The material of a point or line.
+    StrokeMaterial = "stroke-material", Error;
+    /// Points and lines that are too many to be sought by place.
+    StrokesNotCompared = "strokes-not-compared", Note;
+    /// A camera that only the output has.
+    CameraAdded = "camera-added", Note;
+    /// The name of a mesh.
+    MeshName = "mesh-name", Note;
+    /// A missing node that carries nothing but extras, as `--prune` and other tools drop; its triangles are compared for
+    /// themselves.
+    NodeGoneWithExtras = "node-gone-with-extras", Note;
+    /// A missing node that carries nothing; its triangles are compared for themselves.
+    NodeGone = "node-gone", Note;
+    /// What a node is below, if it stays in its place.
+    NodeRegrouped = "node-regrouped", Note;
+    /// Where a node is in the world, if it carries a mesh alone; its triangles are compared for themselves.
+    NodeRescaled = "node-rescaled", Note;
+    /// The name of a node, if no node of the output has one.
+    NamesGone = "names-gone", Note;
+    /// The name of a node, up to a number that tells equal names apart.
+    NameNumbered = "name-numbered", Note;
     /// An image that cannot be read in either file, so that only its name was compared.
     ImageUnreadable = "image-unreadable", Note;
 }

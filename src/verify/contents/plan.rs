@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use glam::DMat3;
 use raykiln_formats::document::Attribute;
@@ -46,13 +47,16 @@ impl<'a> Primitives<'a> {
     }
 }
 
+/// What the joints of an instance with a skin are.
+pub(super) type Joints = Option<Arc<[u32]>>;
+
 /// Decides how the attributes of two objects are compared.
 pub(super) struct Planner<'a> {
     pub(super) scenes: Sides<&'a Scene>,
     pub(super) primitives: &'a Primitives<'a>,
     pub(super) materials: &'a Materials<'a>,
     /// For each instance with a skin, what its joints are: the same numbers for the same joints of both files.
-    pub(super) joints: &'a Sides<Vec<Option<Vec<u32>>>>,
+    pub(super) joints: &'a Sides<Vec<Joints>>,
     pub(super) tolerance: &'a Tolerance,
     /// The largest distance between displacements of morph targets.
     pub(super) displacement: f64,

@@ -64,6 +64,13 @@ fn collect(
                 collect(&below(path, key), b.get(key), a.get(key), same, found);
             }
         }
+        // Of what only one has, each part is told, but textures whole.
+        (Some(Object(one)), None) | (None, Some(Object(one))) if !one.is_empty() && !path.ends_with("Texture") => {
+            for (key, value) in one {
+                let values = if before.is_some() { [Some(value), None] } else { [None, Some(value)] };
+                collect(&below(path, key), values[0], values[1], same, found);
+            }
+        }
         (Some(List(b)), Some(List(a))) if b.len() == a.len() => {
             for (i, (b, a)) in b.iter().zip(a).enumerate() {
                 collect(&format!("{path}[{i}]"), Some(b), Some(a), same, found);

@@ -1,27 +1,28 @@
 //! Reads animations by what they move.
 
 use super::super::json::{At, unsigned};
+use super::follow::Numbers;
 use super::{extras, follow};
 use crate::Document;
 use crate::extension_names::KHR_ANIMATION_POINTER;
 use crate::properties::{Animation, Channel, Property};
 
 pub(crate) fn animations(doc: &Document) -> Vec<Animation> {
-    let list = At::root(doc).list("animations");
-    list.into_iter().flatten().map(|at| animation(doc, &at)).collect()
+    let mut numbers = Numbers::of(doc);
+    At::root(doc).list("animations").into_iter().flatten().map(|at| animation(doc, &at, &mut numbers)).collect()
 }
 
-fn animation(doc: &Document, at: &At<'_>) -> Animation {
+fn animation(doc: &Document, at: &At<'_>, numbers: &mut Numbers<'_>) -> Animation {
     let channels = at.list("channels").into_iter().flatten();
     let mut more = follow::extensions(doc, at);
     more.extend(extras(at).map(|extras| ("extras".to_owned(), extras)));
-    Animation { name: at.name(), channels: channels.filter_map(|channel| read(doc, at, &channel)).collect(), more }
+    Animation { name: at.name(), channels: channels.filter_map(|channel| read(at, &channel, numbers)).collect(), more }
 }
 
-fn read(doc: &Document, animation: &At<'_>, channel: &At<'_>) -> Option<Channel> {
+fn read(animation: &At<'_>, channel: &At<'_>, all: &mut Numbers<'_>) -> Option<Channel> {
     let sampler = animation.get("samplers")?.element(unsigned(channel.get("sampler")?.value)?)?;
     let (target, path) = target(&channel.get("target")?)?;
-    let numbers = |key| sampler.get(key).and_then(|accessor| follow::numbers(doc, accessor.value)).unwrap_or_default();
+    let mut numbers = |key| sampler.get(key).map(|accessor| all.get(accessor.value)).unwrap_or_default();
     let interpolation = sampler.get("interpolation").and_then(|i| i.value.as_str()).unwrap_or("LINEAR").to_owned();
     Some(Channel { target, path, interpolation, times: numbers("input"), values: numbers("output") })
 }

@@ -1,6 +1,7 @@
 //! Follows references.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use serde_json::Value;
 
@@ -25,9 +26,28 @@ pub(super) fn plain(value: &Value) -> Property {
 }
 
 /// Returns the elements of an accessor.
-pub(super) fn numbers(doc: &Document, accessor: &Value) -> Option<Vec<f64>> {
+fn numbers(doc: &Document, accessor: &Value) -> Option<Vec<f64>> {
     let accessor = Accessor::read(doc, unsigned(accessor)?).ok()?;
     Some(accessor.all_numbers())
+}
+
+/// The numbers of accessors, each read once: many channels of an animation may share them.
+pub(super) struct Numbers<'d> {
+    doc: &'d Document,
+    known: HashMap<usize, Arc<[f64]>>,
+}
+
+impl<'d> Numbers<'d> {
+    pub(super) fn of(doc: &'d Document) -> Numbers<'d> {
+        Numbers { doc, known: HashMap::new() }
+    }
+
+    /// Returns the elements of the accessor that an index refers to; none if it is malformed.
+    pub(super) fn get(&mut self, index: &Value) -> Arc<[f64]> {
+        let Some(number) = unsigned(index) else { return Arc::default() };
+        let doc = self.doc;
+        self.known.entry(number).or_insert_with(|| numbers(doc, index).unwrap_or_default().into()).clone()
+    }
 }
 
 /// Returns the extensions of an object by name, with the references of those that are known followed.

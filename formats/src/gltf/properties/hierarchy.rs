@@ -1,12 +1,14 @@
 //! Reads nodes, scenes, meshes and the root by what they say.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use serde_json::Value;
 
 use super::super::contents::scenes;
 use super::super::json::{At, unsigned};
 use super::super::node::nodes;
+use super::follow::Numbers;
 use super::{element, extras, follow};
 use crate::extension_names::*;
 use crate::properties::{Hierarchy, MeshContent, NodeContent, Property, SceneContent, Skin};
@@ -48,7 +50,6 @@ pub(crate) fn node(doc: &Document, node: usize) -> NodeContent {
         extras: extras(&at),
         extensions: follow::extensions(doc, &at),
         camera: number("camera").and_then(|camera| element(doc, "cameras", camera)).map(|at| unnamed(&at)),
-        skin: number("skin").and_then(|skin| element(doc, "skins", skin)).map(|at| self::skin(doc, &at)),
         weights: weights.and_then(|w| w.value.as_array()).map(|list| list.iter().filter_map(Value::as_f64).collect()),
         moved_to,
         placed_mesh: record.and_then(|record| record.get("mesh")).map(|mesh| follow::plain(mesh.value)),
@@ -64,14 +65,19 @@ fn unnamed(at: &At<'_>) -> Property {
     read
 }
 
-fn skin(doc: &Document, at: &At<'_>) -> Skin {
-    let matrices = at.get("inverseBindMatrices").and_then(|accessor| follow::numbers(doc, accessor.value));
+pub(crate) fn skins(doc: &Document) -> Vec<Skin> {
+    let mut numbers = Numbers::of(doc);
+    At::root(doc).list("skins").into_iter().flatten().map(|at| skin(&at, &mut numbers)).collect()
+}
+
+fn skin(at: &At<'_>, numbers: &mut Numbers<'_>) -> Skin {
+    let matrices = at.get("inverseBindMatrices").map(|accessor| numbers.get(accessor.value)).unwrap_or_default();
     let identity = |matrix: &[f64]| (0..16).all(|i| matrix[i] == if i % 5 == 0 { 1.0 } else { 0.0 });
-    let matrices = matrices.filter(|all| !all.chunks_exact(16).all(identity));
+    let are_identities = matrices.chunks_exact(16).all(identity);
     Skin {
         joints: at.get("joints").map_or_else(Vec::new, |list| indices(list.value)),
         skeleton: at.get("skeleton").and_then(|node| unsigned(node.value)),
-        inverse_bind_matrices: matrices.unwrap_or_default(),
+        inverse_bind_matrices: if are_identities { Arc::default() } else { matrices },
     }
 }
 
