@@ -1,5 +1,9 @@
 //! Damaged outputs: `raykiln verify` names each fault, on the CPU and on a device.
 
+mod everything;
+mod library;
+mod matrix;
+
 use crate::common::{Opened, Ran, bake, raykiln, samples};
 use serde_json::json;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,163 @@
+//! Every kind of fault is found in the outputs of every method, whatever they record of their triangles.
+
+use std::path::Path;
+
+use fastrand::Rng;
+use raykiln::scene::{LoadOptions, Scene, load};
+use raykiln::verify::contents::{self, ContentsReport, DifferenceKind, Inputs, Severity, Tolerance};
+use raykiln::verify::identity::Identity;
+use raykiln::verify::{Sides, surface};
+use raykiln_formats::Document;
+use serde_json::Value;
+use tempfile::TempDir;
+
+use super::everything::everything;
+use super::library::FAULTS;
+use crate::common::{assert_section, bake, methods, samples};
+
+/// Trials of each kind of fault.
+const TRIALS: u64 = 20;
+
+/// A file, what it shows, and the outputs of all methods.
+struct Subject {
+    document: Document,
+    scene: Scene,
+    outputs: Vec<(&'static str, Document)>,
+}
+
+impl Subject {
+    fn of(path: &Path, methods: &[&'static str]) -> Subject {
+        let document = raykiln_formats::read(path).unwrap_or_else(|e| panic!("{e}"));
+        let folder = TempDir::new().expect("a folder");
+        let output = |method: &&'static str| {
+            let output = folder.path().join(format!("{method}.glb"));
+            bake(path, &output, &["--method", method]);
+            (*method, raykiln_formats::read(&output).unwrap_or_else(|e| panic!("{e}")))
+        };
+        Subject { scene: shown(&document), document, outputs: methods.iter().map(output).collect() }
+    }
+
+    fn compare(&self, after: &Document) -> ContentsReport {
+        let scene = shown(after);
+        let (_, pairs) = surface::compare(&Identity::new(&self.scene, &scene), 1e-6);
+        let documents = Sides { before: &self.document, after };
+        let inputs =
+            Inputs { documents, scenes: Sides { before: &self.scene, after: &scene }, pairs: &pairs, staged: None };
+        contents::compare(inputs, &Tolerance::default()).unwrap_or_else(|e| panic!("{e}"))
+    }
+}
+
+fn shown(document: &Document) -> Scene {
+    load(document, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).0
+}
+
+/// What an output records of its triangles.
+#[derive(Clone, Copy, Debug)]
+enum Record {
+    Kept,
+    Dropped,
+    Stale,
+}
+
+impl Record {
+    const ALL: [Record; 3] = [Record::Kept, Record::Dropped, Record::Stale];
+
+    /// Changes what a document records of its primitives and nodes; what it keeps of the input's meshes stays.
+    fn apply(self, document: &mut Document) {
+        let change = |object: &mut Value| match (self, object.pointer_mut("/extras/raykiln")) {
+            (Record::Dropped, Some(Value::Object(record))) => record.retain(|key, _| key == "mesh"),
+            (Record::Stale, Some(record)) => {
+                if let Some(Value::Array(sources)) = record.pointer_mut("/provenance/sources") {
+                    sources.rotate_left(1);
+                }
+            }
+            _ => {}
+        };
+        for list in ["nodes", "meshes"] {
+            for object in document.json[list].as_array_mut().into_iter().flatten() {
+                let primitives = object.get_mut("primitives").and_then(Value::as_array_mut);
+                primitives.into_iter().flatten().for_each(change);
+                change(object);
+            }
+        }
+    }
+}
+
+/// The documents that faults are planted in: one with everything, and a sample with extensions that no one knows.
+fn subjects() -> [Subject; 2] {
+    let folder = TempDir::new().expect("a folder");
+    let path = folder.path().join("everything.glb");
+    everything().stage(&path).and_then(|staged| staged.commit()).unwrap_or_else(|e| panic!("{e}"));
+    let hierarchy = samples().into_iter().find(|sample| sample.name == "hierarchy").expect("the sample is there").scene;
+    [Subject::of(&path, &methods()), Subject::of(&hierarchy, &["keep", "single"])]
+}
+
+fn errors(report: &ContentsReport) -> Vec<DifferenceKind> {
+    let errors = report.differences.iter().filter(|difference| difference.severity == Severity::Error);
+    errors.map(|difference| difference.kind).collect()
+}
+
+#[test]
+fn every_kind_of_fault_is_found_in_every_trial() {
+    let subjects = subjects();
+    let outputs: Vec<(&Subject, &str, &Document)> =
+        subjects.iter().flat_map(|s| s.outputs.iter().map(move |(method, doc)| (s, *method, doc))).collect();
+    for (subject, method, output) in &outputs {
+        for record in Record::ALL {
+            let mut output = (*output).clone();
+            record.apply(&mut output);
+            let report = subject.compare(&output);
+            assert_eq!(errors(&report), [], "{method}, record {record:?}, without a fault: {:#?}", report.differences);
+        }
+    }
+    let mut missed = Vec::new();
+    for fault in FAULTS {
+        let mut trials = 0;
+        for seed in 0..8 * TRIALS {
+            let (subject, method, output) = outputs[seed as usize % outputs.len()];
+            let (mut damaged, mut rng) = (output.clone(), Rng::with_seed(seed));
+            let record = Record::ALL[rng.usize(..3)];
+            record.apply(&mut damaged);
+            let Some(planted) = (fault.plant)(&mut damaged, &mut rng) else { continue };
+            let found = errors(&subject.compare(&damaged));
+            let is_found = found.iter().any(|kind| fault.found_as.contains(kind));
+            if !is_found {
+                missed.push(format!("{}, {method}, record {record:?}, seed {seed}, {planted}: {found:?}", fault.name));
+            }
+            trials += 1;
+            if trials == TRIALS {
+                break;
+            }
+        }
+        assert_eq!(trials, TRIALS, "{}: planted too seldom", fault.name);
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
+}
+
+#[test]
+fn outputs_without_fault_pass() {
+    for (sample, method) in samples().iter().zip(["single", "cluster"].into_iter().cycle()) {
+        let subject = Subject::of(&sample.scene, &[method]);
+        for (method, output) in &subject.outputs {
+            let report = subject.compare(output);
+            assert_eq!(errors(&report), [], "{} by {method}: {:#?}", sample.name, report.differences);
+        }
+    }
+}
+
+#[test]
+fn the_documentation_lists_all_faults_and_kinds_of_differences() {
+    let mut faults = String::from("| fault | found as |\n| --- | --- |\n");
+    for fault in FAULTS {
+        let kinds: Vec<String> = fault.found_as.iter().map(|kind| format!("`{}`", kind.name())).collect();
+        faults += &format!("| {} | {} |\n", fault.name, kinds.join(", "));
+    }
+    assert_section("docs/verification.md", "faults in contents", &faults);
+    let mut kinds = String::from("| difference | severity | what differs |\n| --- | --- | --- |\n");
+    for kind in DifferenceKind::ALL {
+        let severity = if kind.severity() == Severity::Error { "error" } else { "note" };
+        let meaning = kind.meaning().trim_end_matches('.');
+        kinds += &format!("| `{}` | {severity} | {meaning} |\n", kind.name());
+    }
+    assert_section("docs/verification.md", "kinds of differences", &kinds);
+}
