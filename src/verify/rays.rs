@@ -188,9 +188,10 @@ impl Rays {
 
     /// Returns about `count` rays of each kind, at regular intervals in each view.
     pub(super) fn thinned(&self, count: usize) -> Rays {
+        let views = if count == 0 { &[][..] } else { &self.views };
         let step = self.kinds.values().map(Vec::len).max().unwrap_or(0).div_ceil(count.max(1)).max(1);
         let mut thinned = Rays { kinds: Default::default(), views: Vec::new(), radius: self.radius };
-        for view in &self.views {
+        for view in views {
             let thin = |rays: &Vec<Ray>| rays[view.range.clone()].iter().step_by(step).copied().collect();
             thinned.add(view, self.kinds.each_ref().map(thin));
         }

@@ -30,7 +30,7 @@ fn speeds_on_the_cpu_are_equal_for_any_number_of_threads_and_in_every_run() {
     let sample = samples().into_iter().find(|sample| sample.name == "overlapping").expect("the sample is there");
     let folder = TempDir::new().expect("a temporary folder");
     let speeds = |threads: &str| {
-        let more = ["--method", "single", "--threads", threads, "--device", "cpu"];
+        let more = ["--method", "single", "--threads", threads];
         let report = bake(&sample.scene, &folder.path().join("out.glb"), &more);
         ["overall", "verdict"]
             .map(|key| report[key].clone())

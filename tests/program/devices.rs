@@ -17,7 +17,7 @@ fn bake_on(device: &str, scene: &Path, more: &[&str]) -> (Ran, TempDir) {
     let folder = TempDir::new().unwrap();
     let output = folder.path().join("out.glb");
     let (scene, output) = (scene.to_str().unwrap(), output.to_str().unwrap());
-    let fixed = ["bake", scene, "-o", output, "--json", "--device", device, "--rays", "500", "--repeats", "2"];
+    let fixed = ["bake", scene, "-o", output, "--json", "--device", device, "--rays", "500", "--repeats", "3"];
     (raykiln(fixed.iter().chain(more)), folder)
 }
 
@@ -68,9 +68,10 @@ fn auto_times_the_fastest_layout_along_other_axes() {
     let (others, straight): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(is_along_others);
     assert_eq!(speed(&candidates[0]), Some(1.0), "the input's speedup is 1");
     assert!(straight.iter().all(|c| speed(c).is_none() || c.get("measured_spread_ratio").is_some()));
-    let fastest = straight.iter().filter(|c| c["name"] != "keep").filter_map(|c| speed(c)).fold(0.0, f64::max);
-    // Layouts slower than the input are not tried along other axes.
-    assert!(fastest < 1.0 || others.len() == 1, "{candidates:?}");
+    let sure = |c: &&Value| Some(speed(c)? - c["measured_spread_ratio"].as_f64()?);
+    let fastest = straight.iter().filter(|c| c["name"] != "keep").filter_map(sure).fold(0.0, f64::max);
+    // Layouts that may be clearly slower than the input are not tried along other axes.
+    assert_eq!(others.len(), usize::from(fastest >= 0.95), "{candidates:?}");
     for other in others {
         let name = other["name"].as_str().and_then(|name| name.split(", axes ").next());
         let same = straight.iter().find(|c| c["name"].as_str() == name).expect("the layout it is made of");

@@ -69,7 +69,7 @@ fn a_file_against_itself_is_not_timed() {
 fn a_slow_view_is_no_gain() {
     let folder = TempDir::new().unwrap();
     let output = folder.path().join("out.glb");
-    let report = bake(&sample("overlapping"), &output, &["--method", "single", "--device", "cpu", "--json"]);
+    let report = bake(&sample("overlapping"), &output, &["--method", "single"]);
     let (overall, views) = (&report["overall"], report["verify"]["views"].as_array().unwrap());
     let judging: Vec<f64> = views.iter().filter_map(|view| view["speedup_ratio"].as_f64()).collect();
     assert_eq!(judging.len(), views.len() / 2);
