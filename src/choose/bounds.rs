@@ -1,12 +1,15 @@
 //! Limits on layouts: which candidates keep to them, and what exceeds them in the layout written.
 
+use super::ChooseOptions;
 use super::candidate::Candidate;
 use super::outcome::{Excess, GroupCause, Note, Origin};
+use crate::cost::Metrics;
 use crate::layout::BlasPer;
 use crate::layout::as_built;
 use crate::layout::{Content, Layout, Placement};
 use crate::methods::Method;
 use crate::scene::{Bounds as Box3, Pinned, Scene};
+use crate::verify::VerifyOptions;
 
 /// Tolerance, as a share, between lengths that were computed in different ways.
 const ROUNDING: f64 = 1e-6;
@@ -31,6 +34,20 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
+    /// Returns the bounds that options set on layouts of a scene; `input` are the metrics of the input.
+    pub(super) fn new(scene: &Scene, input: &Metrics, options: &ChooseOptions, verify: &VerifyOptions) -> Bounds {
+        let layout = &options.layout;
+        Bounds {
+            most_bytes_ratio: options.max_bytes_ratio().unwrap_or(f64::INFINITY),
+            is_asked_for: layout.instances.max_bytes_ratio.is_some(),
+            input_bytes: input.as_bytes(),
+            most_triangles: layout.cluster.max_group_triangles,
+            longest_ratio: layout.cluster.max_group_extent_ratio.unwrap_or(f64::INFINITY),
+            extent: scene.bounds().size().max_element(),
+            blas_per: verify.build.blas_per,
+        }
+    }
+
     /// Returns how each candidate exceeds the bounds; `None` if it keeps to them. If no candidate keeps to a bound on
     /// groups, the best value among them replaces the bound: no method divides a triangle, and some do not divide their
     /// smallest parts. The input, which comes first, may have its own bytes whatever the bound.

@@ -84,6 +84,31 @@ impl Evaluator<'_> {
     }
 }
 
+impl Evaluator<'_> {
+    /// Lays plans out as [`Evaluator::evaluate`] does, and predicts nothing.
+    pub(crate) fn lay_out(&self, scene: &Scene, plans: &[Plan]) -> LaidOutPlans {
+        let Evaluator { trees, verify, .. } = *self;
+        let plans = if plans.iter().any(Plan::is_by_rays) {
+            let vantage = vantage(scene);
+            let seen = scene.translated(-vantage);
+            let of_input = TwoLevel::build_to_count(&seen, trees);
+            let sampling = verify.sampling(self.rays_per_kind, Some(Role::Choose));
+            let rays = rays::generate(&seen, &Reference::new(&of_input), &sampling);
+            segments::given(plans, &of_input, &rays, &verify.weights, vantage)
+        } else {
+            plans.to_vec()
+        };
+        let LaidOut { layouts, placed, .. } = lay_out_all(scene, &plans, verify.max_position_error_ratio);
+        LaidOutPlans { layouts: layouts.into_iter().map(|(plan, laid, _)| (plan.clone(), laid)).collect(), placed }
+    }
+}
+
+/// Layouts that differ, each with the first plan that leads to it, and the trees that laying them out built.
+pub(crate) struct LaidOutPlans {
+    pub(crate) layouts: Vec<(Plan, Laid)>,
+    pub(crate) placed: PlacedTrees,
+}
+
 /// A scene farther from the origin than so many of its diagonals is ranked as seen from its middle.
 const FAR: f64 = 1024.0;
 

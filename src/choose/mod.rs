@@ -16,6 +16,7 @@ mod outcome;
 mod passes;
 pub mod plans;
 mod refine;
+mod replay;
 mod segments;
 #[cfg(test)]
 mod tests_of_seams;
@@ -42,6 +43,7 @@ pub use outcome::{CandidateResult, DecidedBy, Excess, GroupCause, Note, Origin, 
 pub use passes::{But, NotTimed, Pass, PassId, Reason};
 use plans::{Effort, Plan};
 use refine::Round;
+pub use replay::Decided;
 
 /// How the layout is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -96,6 +98,8 @@ pub struct ChooseOptions {
     pub class: Class,
     /// What is ruled out.
     pub forbidden: Forbidden,
+    /// What `auto` decided before and shall not decide again.
+    pub decided: Option<Decided>,
     /// How many rays of each kind `auto` ranks candidates by; `None`: as many as suit the effort.
     pub(crate) ranking_rays: Option<usize>,
 }
@@ -167,18 +171,29 @@ pub fn choose(
     verify: &VerifyOptions,
 ) -> Chosen {
     let [input, before] = metrics;
-    let bounds = Bounds {
-        most_bytes_ratio: options.max_bytes_ratio().unwrap_or(f64::INFINITY),
-        is_asked_for: options.layout.instances.max_bytes_ratio.is_some(),
-        input_bytes: input.as_bytes(),
-        most_triangles: options.layout.cluster.max_group_triangles,
-        longest_ratio: options.layout.cluster.max_group_extent_ratio.unwrap_or(f64::INFINITY),
-        extent: scene.bounds().size().max_element(),
-        blas_per: verify.build.blas_per,
-    };
+    let bounds = Bounds::new(scene, input, options, verify);
     match options.method {
         Choice::Method(method) => asked_for(scene, method, options, verify, bounds),
         Choice::Auto => best(scene, &Choosing { trees, before, machine, options, verify }, bounds),
+    }
+}
+
+/// Like [`choose`], but if `auto` has decided before, makes that layout again. `None` if it is none of its plans.
+pub fn choose_or_replay(
+    scene: &Scene,
+    trees: &MeshTrees,
+    metrics: [&Metrics; 2],
+    machine: &Machine,
+    options: &ChooseOptions,
+    verify: &VerifyOptions,
+) -> Option<Chosen> {
+    let [input, before] = metrics;
+    match (&options.decided, options.method) {
+        (Some(decided), Choice::Auto) => {
+            let choosing = Choosing { trees, before, machine, options, verify };
+            replay::replay(scene, &choosing, Bounds::new(scene, input, options, verify), decided)
+        }
+        _ => Some(choose(scene, trees, metrics, machine, options, verify)),
     }
 }
 
@@ -286,16 +301,19 @@ fn results(
 impl Choosing<'_> {
     /// Lays out plans and predicts what rays of the kinds that count take in each layout.
     fn evaluate(&self, scene: &Scene, plans: &[Plan]) -> Evaluated {
+        self.evaluator().evaluate(scene, plans)
+    }
+
+    fn evaluator(&self) -> Evaluator<'_> {
         let Choosing { trees, before, options, verify, .. } = *self;
-        let evaluator = Evaluator {
+        Evaluator {
             trees,
             two_level_cost: before.two_level_cost,
             rays_per_kind: options.ranking_rays.unwrap_or(options.effort.rays()),
             all_kinds: false,
             class: options.class,
             verify,
-        };
-        evaluator.evaluate(scene, plans)
+        }
     }
 
     /// Times the candidates chosen on the device, if there is one; gives their number, or why there are none.

@@ -18,6 +18,20 @@ pub enum DecidedBy {
     Prediction,
     /// Candidates timed on a device.
     Measurement,
+    /// A plan, in which an earlier decision was written down.
+    Plan,
+}
+
+impl DecidedBy {
+    /// Returns the name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            DecidedBy::Request => "request",
+            DecidedBy::Prediction => "prediction",
+            DecidedBy::Measurement => "measurement",
+            DecidedBy::Plan => "plan",
+        }
+    }
 }
 
 /// How a layout was chosen.
@@ -97,6 +111,8 @@ pub enum Excess {
 pub enum Why {
     /// The user asked for its method.
     AskedFor,
+    /// A plan says so.
+    Planned,
     /// No candidate keeps to the bounds, so the input stays; it exceeds them by this.
     NothingAllowed(Vec<Excess>),
     /// It was measured fastest; its speed over the input's.

@@ -9,6 +9,7 @@
 use super::bounds::Bounds;
 use super::candidate::{Candidate, Laid};
 use super::plans::{Effort, Plan};
+use super::replay::refined;
 use crate::layout::WAYS;
 use crate::methods::Method;
 use crate::verify::weights::Weights;
@@ -62,12 +63,7 @@ fn neighbours(plan: &Plan, step: f64) -> Vec<Plan> {
     if plan.method != Method::Cluster {
         return Vec::new();
     }
-    let near = |factor: f64| {
-        let mut near = plan.clone();
-        near.options.instances.entry_cost *= factor;
-        near.id = near.id.refined(near.options.instances.entry_cost);
-        near
-    };
+    let near = |factor: f64| refined(plan.clone(), plan.options.instances.entry_cost * factor);
     [1.0 / step, step].map(near).to_vec()
 }
 

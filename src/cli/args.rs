@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::choose::model::Class;
 use crate::choose::plans::Effort;
 use crate::choose::{Choice, ChooseOptions, Forbidden};
-use crate::commands::bake::{BakeOptions, FindCopies};
+use crate::commands::bake::{BakeOptions, FindCopies, PlanUse};
 use crate::commands::verify::MatchBy;
 use crate::copies::Likeness;
 use crate::layout::BlasPer;
@@ -142,6 +142,12 @@ pub(super) struct BakeArguments {
     /// Print the report as JSON on standard output
     #[arg(long)]
     pub(super) json: bool,
+    /// Also write the decision, with every option and the hash of the input, to FILE (.json)
+    #[arg(long, value_name = "FILE")]
+    pub(super) write_plan: Option<PathBuf>,
+    /// Make the same bytes as the bake that wrote FILE, without a device and without deciding anything
+    #[arg(long, value_name = "FILE", conflicts_with = "write_plan")]
+    pub(super) plan: Option<PathBuf>,
     /// Do not restructure nodes and meshes whose name matches GLOB, nor the nodes below them; may be repeated
     #[arg(long, value_name = "GLOB")]
     keep: Vec<String>,
@@ -432,6 +438,7 @@ impl BakeArguments {
                     choose_instances: matches!(l.instances, Some(InstancesArgument::BakeOrKeep)),
                 },
                 layout: l.options(),
+                decided: None,
                 ranking_rays: None,
             },
             copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),
@@ -439,6 +446,7 @@ impl BakeArguments {
             prune: self.prune,
             copy_instances: self.instancing == InstancingArgument::Extension,
             verify: self.verify.options(),
+            plan: if self.write_plan.is_some() { PlanUse::Write } else { PlanUse::Neither },
         })
     }
 }

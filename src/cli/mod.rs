@@ -6,6 +6,7 @@ mod interrupt;
 #[cfg(feature = "lab")]
 mod lab;
 mod memory;
+mod plan;
 mod progress;
 mod reports;
 
@@ -14,7 +15,7 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, anyhow};
-use clap::{CommandFactory, FromArgMatches};
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use raykiln_formats::document::{Placed, Staged};
 use raykiln_formats::staging::Hold;
 
@@ -22,6 +23,7 @@ use crate::commands::bake::{self, BakeOptions, Baked};
 use crate::commands::inspect;
 use crate::commands::verify;
 use crate::report;
+use crate::report::plan::PlanFile;
 use crate::scene::LoadOptions;
 use crate::verify::verdict::Verdict;
 pub use memory::end as end_without_memory;
@@ -42,8 +44,7 @@ pub fn run() -> ExitCode {
     if arguments.command.reads_scenes() {
         interrupt::install_handlers();
     }
-    let given = applies::given(&matches);
-    let done = in_pool(arguments.output.threads, || dispatch(&arguments, &given));
+    let done = in_pool(arguments.output.threads, || dispatch(&arguments, &matches));
     // If a signal removed the staged files, the signal ends the program, not an error caused by their absence.
     drop(Hold::new());
     match done {
@@ -67,9 +68,9 @@ fn in_pool(threads: Option<u16>, command: impl FnOnce() -> Result<ExitCode> + Se
     pool.install(command)
 }
 
-fn dispatch(arguments: &Arguments, given: &[&str]) -> Result<ExitCode> {
+fn dispatch(arguments: &Arguments, matches: &ArgMatches) -> Result<ExitCode> {
     match &arguments.command {
-        Command::Bake(bake) => run_bake(bake, given, &arguments.output),
+        Command::Bake(bake) => run_bake(bake, matches, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
         #[cfg(feature = "lab")]
@@ -88,23 +89,32 @@ fn dispatch(arguments: &Arguments, given: &[&str]) -> Result<ExitCode> {
     }
 }
 
-fn run_bake(arguments: &BakeArguments, given: &[&str], output: &Output) -> Result<ExitCode> {
-    let options: BakeOptions = arguments.options()?;
-    applies::check(given, &options.choose)?;
+fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) -> Result<ExitCode> {
+    let bake_matches = matches.subcommand_matches("bake").context("it is a bake")?;
+    let options: BakeOptions = match &arguments.plan {
+        Some(file) => plan::follow(file, arguments, bake_matches)?,
+        None => arguments.options()?,
+    };
+    applies::check(&applies::given(matches), &options.choose)?;
     let reports = Reports::check(&arguments.report, &[&arguments.input, &arguments.output])?;
+    let plans = Reports::check_plan(&arguments.write_plan, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);
     let baked = bake::bake(arguments.input.as_path().into(), &arguments.output, &options, &mut |stage| {
         progress.enter(stage.label())
     });
     progress.finish();
-    let Baked { report, output: scene } = baked?;
+    let Baked { report, output: scene, hashes, device } = baked?;
     let json = report::json::to_json(&report);
-    let reports = reports.stage(&json)?;
+    let plan = hashes.filter(|_| scene.is_some()).map(|hashes| {
+        let plan = PlanFile::of(&report, &hashes, device, plan::options(bake_matches));
+        plans.stage(&report::json::to_json(&plan))
+    });
+    let staged = [Some(reports.stage(&json)?), plan.transpose()?];
     // Printed before anything is in place: if it fails, there must be no output.
     if arguments.json {
         print(json.as_bytes())?;
     }
-    put_in_place(scene, reports)?;
+    put_in_place(scene, staged.into_iter().flatten())?;
     if !output.quiet {
         print_for_people(&report::text::bake(&report, output.verbose > 0));
     }
@@ -118,10 +128,11 @@ fn run_bake(arguments: &BakeArguments, given: &[&str], output: &Output) -> Resul
 }
 
 /// Puts all files in place or none, even if a signal arrives.
-fn put_in_place(scene: Option<Staged>, reports: StagedReports) -> Result<()> {
+fn put_in_place(scene: Option<Staged>, mut reports: impl Iterator<Item = StagedReports>) -> Result<()> {
     let _hold = Hold::new();
     let placed = scene.map(Staged::put_in_place).transpose()?;
-    reports.commit().inspect_err(|_| placed.into_iter().for_each(Placed::take_back))
+    let committed = reports.try_for_each(StagedReports::commit);
+    committed.inspect_err(|_| placed.into_iter().for_each(Placed::take_back))
 }
 
 fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode> {

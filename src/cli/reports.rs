@@ -7,25 +7,37 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use raykiln_formats::staging::{Folder, Hold};
 
-/// Files that a report can be written to.
-pub(super) struct Reports<'a>(&'a [PathBuf]);
+/// Files that a report or a plan can be written to.
+pub(super) struct Reports<'a> {
+    option: &'static str,
+    files: &'a [PathBuf],
+}
 
 impl<'a> Reports<'a> {
     /// Rejects files that cannot be written, before any work is done. `taken` are the command's other files.
     pub(super) fn check(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
+        Reports::check_option("--report", files, taken)
+    }
+
+    /// Rejects a plan that cannot be written.
+    pub(super) fn check_plan(file: &'a Option<PathBuf>, taken: &[&Path]) -> Result<Self> {
+        Reports::check_option("--write-plan", file.as_slice(), taken)
+    }
+
+    fn check_option(option: &'static str, files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
         for file in files {
-            check(file, taken).with_context(|| format!("--report {}", file.display()))?;
+            check(file, taken).with_context(|| format!("{option} {}", file.display()))?;
         }
-        Ok(Reports(files))
+        Ok(Reports { option, files })
     }
 
     /// Writes a report to all files, but does not put them in place yet.
     pub(super) fn stage(&self, json: &str) -> Result<StagedReports> {
         let stage = |file: &PathBuf| {
             let staged = Staged::new(file).and_then(|staged| fs::write(&staged.from, json).map(|()| staged));
-            staged.with_context(|| format!("--report {}: cannot be written", file.display()))
+            staged.with_context(|| format!("{} {}: cannot be written", self.option, file.display()))
         };
-        Ok(StagedReports(self.0.iter().map(stage).collect::<Result<_>>()?))
+        Ok(StagedReports(self.files.iter().map(stage).collect::<Result<_>>()?))
     }
 }
 
@@ -37,7 +49,7 @@ impl StagedReports {
     pub(super) fn commit(self) -> Result<()> {
         let _hold = Hold::new();
         for Staged { from, to, .. } in &self.0 {
-            fs::rename(from, to).with_context(|| format!("--report {}: cannot be put in place", to.display()))?;
+            fs::rename(from, to).with_context(|| format!("{}: cannot be put in place", to.display()))?;
         }
         Ok(())
     }
@@ -61,7 +73,7 @@ impl Staged {
 
 fn check(file: &Path, taken: &[&Path]) -> Result<()> {
     let is_json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    ensure!(is_json, "only reports with the extension .json can be written");
+    ensure!(is_json, "only files with the extension .json can be written");
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "there is no folder {}", folder.display());
     ensure!(!file.is_dir(), "is a folder");

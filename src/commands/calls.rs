@@ -26,7 +26,7 @@ pub fn bake(
     output: impl AsRef<Path>,
     options: &BakeOptions,
 ) -> Result<BakeReport, CommandError> {
-    let Baked { report, output } = staged(input.as_ref().into(), output.as_ref(), options)?;
+    let Baked { report, output, .. } = staged(input.as_ref().into(), output.as_ref(), options)?;
     output.map(Staged::commit).transpose()?;
     Ok(report)
 }
@@ -55,7 +55,7 @@ pub fn bake_bytes(
     let temporary = env::temp_dir();
     let folder = Folder::new_in(&temporary).map_err(|e| Error::io(&temporary, "", &e))?;
     let source = Source::Bytes { name: name.as_ref().to_owned(), bytes: bytes.into() };
-    let Baked { report, output } = staged(source, &folder.path().join("baked.glb"), options)?;
+    let Baked { report, output, .. } = staged(source, &folder.path().join("baked.glb"), options)?;
     let read = |staged: Staged| fs::read(staged.path()).map_err(|e| Error::io(staged.path(), "", &e));
     Ok(BakedBytes { report, glb: output.map(read).transpose()? })
 }

@@ -9,4 +9,4 @@ pub(crate) mod measure;
 pub mod source;
 pub mod verify;
 
-pub use error::CommandError;
+pub use error::{CommandError, PlanError};

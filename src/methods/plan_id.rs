@@ -34,6 +34,21 @@ impl PlanId {
         PlanId { axes, ..self }
     }
 
+    /// Returns the name of the plan, without refinement and axes.
+    pub fn name(self) -> &'static str {
+        self.plan
+    }
+
+    /// Returns the entry cost that replaces the plan's, if any.
+    pub fn refined_entry_cost(self) -> Option<f64> {
+        self.refined_entry_cost
+    }
+
+    /// Returns the number of the rotation of the stored axes; 0 is the identity.
+    pub fn axes(self) -> u8 {
+        self.axes
+    }
+
     /// Returns the method.
     pub fn method(self) -> Method {
         self.method

@@ -43,6 +43,7 @@ impl Display for Why {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         match self {
             Why::AskedFor => f.write_str("asked for"),
+            Why::Planned => f.write_str("as the plan says"),
             Why::NothingAllowed(input) => {
                 let refusal = if input.is_empty() { "no candidate".to_owned() } else { all(input) };
                 write!(f, "{INPUT_STAYS} as it is: {refusal}")

@@ -8,6 +8,7 @@ mod findings;
 pub mod json;
 pub(crate) mod notes;
 mod passes;
+pub mod plan;
 mod precision;
 mod reported_options;
 mod speed;
@@ -27,7 +28,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 pub use crate::choose::DecidedBy;
-use crate::choose::{CandidateResult, Selection, Why};
+use crate::choose::{CandidateResult, Selection};
 use crate::cost::Metrics;
 use crate::emit::Copied;
 use crate::layout::BlasPer;
@@ -328,7 +329,7 @@ impl MethodReport {
     /// cost is not computed until it is written.
     pub fn with_written(mut self, after: &Metrics, verified: &Verification, seconds: f64) -> Self {
         if self.candidates.is_empty() {
-            self.candidates.push(Candidate::written(self.chosen_candidate, after, seconds));
+            self.candidates.push(Candidate::written(self.chosen_candidate, self.reason.clone(), after, seconds));
         }
         if let Some(candidate) = self.candidates.iter_mut().find(|c| c.id == self.chosen_candidate) {
             candidate.position_error_ratio = Some(verified.position_error_ratio);
@@ -345,7 +346,7 @@ impl MethodReport {
 
 impl Candidate {
     /// The layout that the user asked for.
-    fn written(id: PlanId, metrics: &Metrics, seconds: f64) -> Self {
+    fn written(id: PlanId, outcome: String, metrics: &Metrics, seconds: f64) -> Self {
         Candidate {
             id,
             predicted_cost: metrics.two_level_cost,
@@ -355,7 +356,7 @@ impl Candidate {
             measured_spread_ratio: None,
             judged_speedup_ratio: None,
             judged_least_view_ratio: None,
-            outcome: Why::AskedFor.to_string(),
+            outcome,
             as_bytes: metrics.as_bytes(),
             cost_ratio: 1.0,
             measured_picoseconds: None,
@@ -401,7 +402,7 @@ mod tests {
 
     /// A candidate with a sampled cost.
     pub(super) fn candidate(id: impl Into<PlanId>, sampled_cost: f64) -> Candidate {
-        let written = Candidate::written(id.into(), &Metrics::default(), 0.5);
+        let written = Candidate::written(id.into(), String::new(), &Metrics::default(), 0.5);
         Candidate { sampled_cost: Some(sampled_cost), outcome: "not chosen".into(), ..written }
     }
 

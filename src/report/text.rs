@@ -50,6 +50,7 @@ fn method(report: &BakeReport) -> String {
     let and_copies = if copies.is_some() { ", with copies shared" } else { "" };
     let how = match decided_by {
         DecidedBy::Request => format!("method {chosen}{and_copies}"),
+        DecidedBy::Plan => format!("the plan chose `{id}`{and_copies}"),
         _ if id.is_input() && copies.is_some() => "auto chose the layout of the input, with copies shared".to_owned(),
         _ if id.is_input() => "auto chose the input as it is".to_owned(),
         _ => format!("auto chose `{id}`{and_copies}"),

@@ -19,7 +19,8 @@ pub fn words(
         Verdict::Failed | Verdict::CannotTell => format!("no file was written: {verification}"),
         Verdict::LeftAlone => "the output is the input as it is".to_owned(),
         Verdict::Faster | Verdict::NotFaster => {
-            let parts = [Some(measured(verdict, overall, verification)), caution(overall), predicted(method, class)];
+            let measured = Some(measured(verdict, overall, verification));
+            let parts = [measured, caution(overall), predicted(method, class), repeatable(method.decided_by)];
             parts.into_iter().flatten().collect::<Vec<String>>().join("; ")
         }
     }
@@ -74,6 +75,12 @@ fn predicted(method: &MethodReport, class: Class) -> Option<String> {
     })
 }
 
+/// Warns about decisions that may differ from run to run.
+fn repeatable(decided_by: DecidedBy) -> Option<String> {
+    let words = "decided by measurement, which may differ from run to run; a plan (--write-plan) does not";
+    (decided_by == DecidedBy::Measurement).then(|| words.to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::Candidate;
@@ -113,10 +120,9 @@ mod tests {
     #[test]
     fn what_was_measured_on_a_gpu_needs_no_caution() {
         let text = said(Verdict::Faster, speed(MachineKind::Gpu, 1.25, 0.01), DecidedBy::Measurement);
-        assert_eq!(
-            text,
-            "faster on a device: 1.25 +- 0.01 times the input's speed, weighted over ray kinds; at least 1.250 in each view that judges"
-        );
+        let speed = "faster on a device: 1.25 +- 0.01 times the input's speed, weighted over ray kinds";
+        let decided = "decided by measurement, which may differ from run to run; a plan (--write-plan) does not";
+        assert_eq!(text, format!("{speed}; at least 1.250 in each view that judges; {decided}"));
     }
 
     #[test]

@@ -112,6 +112,11 @@ impl Machine {
         }
     }
 
+    /// Returns name and version of the driver; empty for the CPU.
+    pub fn driver(&self) -> &str {
+        self.device.as_ref().map_or("", |device| &device.info().driver)
+    }
+
     /// Wraps an opened device; `named` says whether to treat it as requested explicitly.
     #[cfg(test)]
     pub(super) fn of(device: Device, named: bool) -> Machine {
@@ -216,6 +221,11 @@ impl Machine {
     /// Returns the name and kind of the device.
     pub fn name(&self) -> (&str, MachineKind) {
         ("CPU", MachineKind::Cpu)
+    }
+
+    /// Returns name and version of the driver; empty for the CPU.
+    pub fn driver(&self) -> &str {
+        ""
     }
 
     /// Like [`Machine::verify`] of the second scene against the first, with given trees of their meshes, and the

@@ -26,6 +26,7 @@ mod instancing;
 mod lab;
 mod mutations;
 mod peers;
+mod plans;
 mod reports;
 mod roundtrip;
 mod samples;

@@ -10,6 +10,11 @@ use crate::staging::{Folder, Hold};
 use crate::{Error, ErrorKind, Warning};
 
 impl Staged {
+    /// Returns the written files, where they are staged; the scene file itself comes last.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(|(from, _)| from.as_path())
+    }
+
     /// Creates an empty staging folder next to `out`, on the same file system.
     pub(super) fn new(out: &Path) -> Result<Self, Error> {
         let folder = staging_folder(out)?;

@@ -15,12 +15,13 @@ use raykiln_formats::Document;
 use raykiln_formats::document::{self, Staged};
 
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
-use crate::commands::CommandError;
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::commands::source::Source;
+use crate::commands::{CommandError, PlanError, fingerprint};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
+use crate::report::plan::{Hashes, PlannedDevice};
 use crate::report::{self, BakeReport, Input, MethodReport, Pass, ReportedOptions, Seconds, Speed};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
@@ -44,6 +45,21 @@ pub struct BakeOptions {
     pub copy_instances: bool,
     /// How the output is verified.
     pub verify: VerifyOptions,
+    /// Whether a plan is written or followed; one that is followed has its decision in `choose`.
+    pub plan: PlanUse,
+}
+
+/// Whether a bake writes a plan or follows one.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum PlanUse {
+    /// Neither.
+    #[default]
+    Neither,
+    /// Input and output are hashed for a plan.
+    Write,
+    /// Input and output must have these hashes.
+    Follow(Hashes),
 }
 
 impl BakeOptions {
@@ -92,6 +108,10 @@ pub struct Baked {
     pub report: BakeReport,
     /// The output, not yet in place; `None` if the verification failed.
     pub output: Option<Staged>,
+    /// The hashes for a plan, if one is written or followed.
+    pub hashes: Option<Hashes>,
+    /// The device that rays were traced on.
+    pub device: PlannedDevice,
 }
 
 /// Bakes `input`; the result replaces `output` once it is committed. If the verification fails, the report says so and
@@ -110,7 +130,7 @@ pub fn bake(
     clock.enter(Stage::Verify);
     let machine = Machine::open(&options.verify.device)?;
     clock.enter(Stage::Read);
-    let doc = input.read()?;
+    let (doc, input_hash) = read(input, &options.plan)?;
     let (scene, scene_warnings) = scene::load(&doc, &options.load)?;
     scene.check().map_err(|e| CommandError::Internal(e.0))?;
 
@@ -121,7 +141,9 @@ pub fn bake(
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
     let SharedScene { scene: staged, metrics: shared, sharing } = copies::share(&doc, &scene, &trees, &before, options);
-    let chosen = choose::choose(&staged, &trees, [&before, &shared], &machine, &options.choose, &options.verify);
+    let metrics = [&before, &shared];
+    let chosen = choose::choose_or_replay(&staged, &trees, metrics, &machine, &options.choose, &options.verify);
+    let chosen = chosen.ok_or_else(|| no_candidate(options))?;
     let seconds = optimising.elapsed().as_secs_f64();
     let copies_are_placed = copies::are_placed(&staged, &chosen.layout);
     let (path, warnings) = (doc.path.clone(), [scene_warnings, doc.warnings.clone()].concat());
@@ -164,10 +186,42 @@ pub fn bake(
         copied: written.copied,
         warnings: words_of(&[warnings, written.staged.warnings.clone()].concat()),
     };
+    let hashes = input_hash.map(|input| planned(input, &written.staged, &options.plan)).transpose()?;
     report.seconds = clock.stop();
     report.peak_memory_bytes = clock::peak_memory_bytes();
     let output = (report.verdict != Verdict::Failed).then_some(written.staged);
-    Ok(Baked { report, output })
+    let (name, kind) = machine.name();
+    Ok(Baked { report, output, hashes, device: PlannedDevice::new(name, kind, machine.driver()) })
+}
+
+/// Reads the input, and hashes it if a plan is written or followed.
+fn read(input: Source, plan: &PlanUse) -> Result<(Document, Option<String>), CommandError> {
+    if *plan == PlanUse::Neither {
+        return Ok((input.read()?, None));
+    }
+    let doc = input.clone().read()?;
+    let found = fingerprint::of_source(&input, &doc)?.to_string();
+    match plan {
+        PlanUse::Follow(Hashes { input, .. }) if *input != found => {
+            Err(PlanError::Input { planned: input.clone(), found }.into())
+        }
+        _ => Ok((doc, Some(found))),
+    }
+}
+
+/// Returns the hashes of input and output, which must be those of a plan that is followed.
+fn planned(input: String, staged: &Staged, plan: &PlanUse) -> Result<Hashes, CommandError> {
+    let found = fingerprint::of_output(staged)?.to_string();
+    match plan {
+        PlanUse::Follow(Hashes { output, .. }) if *output != found => {
+            Err(PlanError::Output { planned: output.clone(), found }.into())
+        }
+        _ => Ok(Hashes { input, output: found }),
+    }
+}
+
+fn no_candidate(options: &BakeOptions) -> PlanError {
+    PlanError::NoCandidate(options.choose.decided.as_ref().map_or_else(String::new, |decided| decided.plan.clone()))
 }
 
 fn words_of(all: &[impl ToString]) -> Vec<String> {

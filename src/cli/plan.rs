@@ -1,0 +1,92 @@
+//! Plans on the command line: the options that a plan records, and those that it brings back.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, CommandFactory, FromArgMatches};
+
+use super::args::{Arguments, BakeArguments, Command};
+use crate::commands::bake::{BakeOptions, PlanUse};
+use crate::report::plan::PlanFile;
+
+/// Arguments that do not decide what is written, and so are not part of a plan.
+const NOT_PLANNED: [&str; 12] = [
+    "input",
+    "output",
+    "report",
+    "json",
+    "plan",
+    "write_plan",
+    "device",
+    "threads",
+    "quiet",
+    "verbose",
+    "help",
+    "version",
+];
+
+/// The options of a bake by their long names, with their values or defaults.
+pub(super) fn options(bake: &ArgMatches) -> BTreeMap<String, Vec<String>> {
+    let values = |argument: &Arg| {
+        let values = bake.get_raw(argument.get_id().as_str()).into_iter().flatten();
+        values.map(|value| value.to_string_lossy().into_owned()).collect()
+    };
+    planned().iter().filter_map(|argument| Some((argument.get_long()?.to_owned(), values(argument)))).collect()
+}
+
+/// The arguments that are part of a plan.
+fn planned() -> Vec<Arg> {
+    let command = Arguments::command();
+    let bake = command.find_subcommand("bake").map(|bake| bake.get_arguments().cloned().collect::<Vec<Arg>>());
+    bake.unwrap_or_default().into_iter().filter(|a| !NOT_PLANNED.contains(&a.get_id().as_str())).collect()
+}
+
+/// Returns the options of a bake that follows a plan: its own, for the files and the device of the command line.
+///
+/// # Errors
+/// Fails if the plan cannot be read, is of another version, or another value of an option is given.
+pub(super) fn follow(file: &Path, arguments: &BakeArguments, bake: &ArgMatches) -> Result<BakeOptions> {
+    let name = || format!("--plan {}", file.display());
+    let plan = PlanFile::read(file).map_err(|why| anyhow!(why)).with_context(name)?;
+    let mut options = restored(&plan, bake).with_context(name)?.options()?;
+    options.verify.device = arguments.options()?.verify.device;
+    options.choose.decided = Some(plan.decided());
+    options.plan = PlanUse::Follow(plan.hashes());
+    Ok(options)
+}
+
+/// Reads the options of a plan as if they had been given.
+fn restored(plan: &PlanFile, bake: &ArgMatches) -> Result<BakeArguments> {
+    let planned = planned();
+    let mut words = vec!["raykiln".to_owned(), "bake".into(), "input".into(), "--output".into(), "output.glb".into()];
+    for (option, values) in &plan.options {
+        let argument = planned.iter().find(|argument| argument.get_long() == Some(option));
+        let argument = argument.with_context(|| format!("the plan has an option --{option}, this program has not"))?;
+        check_given(option, values, argument, bake)?;
+        words.extend(values.iter().filter_map(|value| match argument.get_action() {
+            ArgAction::SetTrue => (value == "true").then(|| format!("--{option}")),
+            _ => Some(format!("--{option}={value}")),
+        }));
+    }
+    for option in planned.iter().filter_map(Arg::get_long) {
+        ensure!(plan.options.contains_key(option), "the plan has no option --{option}");
+    }
+    let matches = Arguments::command().try_get_matches_from(words)?;
+    match Arguments::from_arg_matches(&matches)?.command {
+        Command::Bake(bake) => Ok(*bake),
+        _ => bail!("the options are not those of a bake"),
+    }
+}
+
+/// Rejects an option that is given with another value than the plan's.
+fn check_given(option: &str, values: &[String], argument: &Arg, bake: &ArgMatches) -> Result<()> {
+    let id = argument.get_id().as_str();
+    if bake.value_source(id) == Some(ValueSource::CommandLine) {
+        let given: Vec<String> = bake.get_raw(id).into_iter().flatten().map(|v| v.to_string_lossy().into()).collect();
+        let [planned, given_words] = [values, &given].map(|values| values.join(" "));
+        ensure!(given == values, "--{option} is `{planned}` in the plan, but `{given_words}` on the command line");
+    }
+    Ok(())
+}
