@@ -45,7 +45,7 @@ fn the_speed_that_decides_is_reported() {
         assert!(is_same, "{key}: {a:?} for {b:?}");
     }
     assert_eq!(overall["measured_on"], "cpu");
-    assert!(text_of("overlapping", &[]).contains("weighted over ray kinds"));
+    assert!(text_of("overlapping", &["--method", "single"]).contains("weighted over ray kinds"));
 }
 
 #[test]
