@@ -22,8 +22,8 @@ use crate::verify::{Hit, TimingHints, Tracer};
 /// Number of rays per task: few enough to spread over threads, enough to amortise its stacks.
 const BATCH: usize = 256;
 
-/// Default number of rays timed per kind, which take milliseconds.
-const TIMED: u32 = 2048;
+/// Default number of rays timed per kind, which take milliseconds. Steps decide on the CPU, times are shown beside them.
+const TIMED: u32 = 1024;
 
 /// Traces rays in some arithmetic.
 struct Computing<'a, A: Arithmetic> {
