@@ -22,6 +22,9 @@ const RANGE: f64 = 4.0;
 /// A partner whose corners are off by no more than this share of the tolerance is taken without looking for a better one.
 const GOOD_SHARE: f64 = 1e-3;
 
+/// Cubes that one thread handles at a time: most hold a triangle or two.
+const CUBES: usize = 1 << 10;
+
 /// What to pair.
 pub(super) struct Seeker<'a> {
     pub scenes: Sides<&'a Scene>,
@@ -123,11 +126,15 @@ impl Seeker<'_> {
         let mut there: Vec<Entry> = before.map(|&i| Entry::new(i, center(Side::Before, i) / width)).collect();
         there.par_sort_unstable_by(Entry::order);
         let reach = (level.tolerance / width) as f32 + 4.0 * f32::EPSILON;
-        let in_cube = |(of_before, of_after): &(Range<usize>, Range<usize>)| {
-            let entries = Sides { before: &there[of_before.clone()], after: &sought[of_after.clone()] };
-            self.in_cube(entries, triangles, rule, reach)
+        let in_cubes = |cubes: &[(Range<usize>, Range<usize>)]| {
+            let mut matches = Vec::with_capacity(cubes.len());
+            for (of_before, of_after) in cubes {
+                let entries = Sides { before: &there[of_before.clone()], after: &sought[of_after.clone()] };
+                self.in_cube(entries, triangles, rule, reach, &mut matches);
+            }
+            matches
         };
-        common_cubes(&there, &sought).par_iter().flat_map_iter(in_cube).collect()
+        common_cubes(&there, &sought).par_chunks(CUBES).flat_map_iter(in_cubes).collect()
     }
 
     /// Pairs the triangles in a cube.
@@ -137,13 +144,13 @@ impl Seeker<'_> {
         triangles: Sides<&[TriangleRef]>,
         rule: &Rule,
         reach: f32,
-    ) -> Vec<Match> {
+        matches: &mut Vec<Match>,
+    ) {
         let of = |side: Side, entry: &Entry| triangles[side][entry.index as usize];
         let corners = |side: Side, entry: &Entry| self.scenes[side].world_corners(of(side, entry));
         let there: Vec<[DVec3; 3]> = entries.before.iter().map(|entry| corners(Side::Before, entry)).collect();
         let kind = |side, entry: &Entry| self.materials.kind(side, self.scenes[side], of(side, entry));
         let mut free = Free::new(entries.before.len());
-        let mut matches = Vec::new();
         for entry in entries.after {
             let placed = corners(Side::After, entry);
             let first = entries.before.partition_point(|b| b.x < entry.x - reach);
@@ -170,7 +177,6 @@ impl Seeker<'_> {
                 }
             }
         }
-        matches
     }
 }
 
