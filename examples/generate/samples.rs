@@ -17,7 +17,7 @@ type Sample = (&'static str, fn(Writer) -> io::Result<()>);
 
 /// Writes every scene below `folder`.
 pub(crate) fn all(folder: &Path) -> io::Result<()> {
-    let scenes: [Sample; 11] = [
+    let scenes: [Sample; 12] = [
         ("clean/scene.glb", clean),
         ("overlapping/scene.glb", overlapping),
         ("scattered/scene.glb", scattered),
@@ -25,6 +25,7 @@ pub(crate) fn all(folder: &Path) -> io::Result<()> {
         ("animated/scene.glb", animated),
         ("staggered/scene.glb", staggered),
         ("plus/scene.glb", plus),
+        ("woven/scene.glb", woven),
         ("hierarchy/scene.gltf", hierarchy),
         ("transparent/scene.glb", transparent),
         ("textured/scene.gltf", textured),
@@ -148,6 +149,19 @@ fn plus(mut writer: Writer) -> io::Result<()> {
     let places = || (0..16).map(|i| f64::from(i) - 9.0);
     writer.object("beam", &row(DVec3::X, 0.45, places()), Some(red))?;
     writer.object("post", &row(DVec3::Y, 0.4, places()), Some(blue))?;
+    writer.finish(None)
+}
+
+/// Eight rows of eight octahedra along x and as many along y, which cross at half their height: each box overlaps nine
+/// others.
+fn woven(mut writer: Writer) -> io::Result<()> {
+    let (red, blue) = (writer.material("red", RED), writer.material("blue", BLUE));
+    let places = || (0..8).map(f64::from);
+    for i in 0..8 {
+        let (across, above) = (f64::from(i), 0.3);
+        writer.object(&format!("warp {i}"), &row(DVec3::X, 0.6, places()).at(0.0, across, above), Some(red))?;
+        writer.object(&format!("weft {i}"), &row(DVec3::Y, 0.6, places()).at(across, 0.0, -above), Some(blue))?;
+    }
     writer.finish(None)
 }
 

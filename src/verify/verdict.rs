@@ -1,7 +1,7 @@
 //! The rules by which a file passes or fails; `docs/verification.md` states them for users.
 //!
 //! A file fails if
-//! - the exact comparison ([`surface`](super::surface)) finds a triangle missing, repeated, unknown, of another material,
+//! - the exact comparison ([`surface`]) finds a triangle missing, repeated, unknown, of another material,
 //!   flipped or moved by more than the position error allowed, or (if asked) recorded as another one,
 //! - a ray hits something else in it than in the input, and neither rounding nor a tie explains that, or
 //! - more rays aimed at its edges and vertices are lost than in the input, by more than chance explains

@@ -42,6 +42,7 @@ macro_rules! sample_tests {
 
 sample_tests! {
     animated clean copies hierarchy instanced materials overlapping plus scattered staggered textured transparent
+    woven
 }
 
 #[test]
