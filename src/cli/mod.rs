@@ -93,9 +93,12 @@ fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) ->
     let bake_matches = matches.subcommand_matches("bake").context("it is a bake")?;
     let options: BakeOptions = match &arguments.plan {
         Some(file) => plan::follow(file, arguments, bake_matches)?,
-        None => arguments.options()?,
+        None => {
+            let options = arguments.options()?;
+            applies::check(&applies::given(matches), &options.choose)?;
+            options
+        }
     };
-    applies::check(&applies::given(matches), &options.choose)?;
     let reports = Reports::check(&arguments.report, &[&arguments.input, &arguments.output])?;
     let plans = Reports::check_plan(&arguments.write_plan, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);

@@ -8,7 +8,9 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, CommandFactory, FromArgMatches};
 
 use super::args::{Arguments, BakeArguments, Command};
-use crate::commands::bake::{BakeOptions, PlanUse};
+use crate::choose::Choice;
+use crate::commands::bake::{BakeOptions, FindCopies, PlanUse};
+use crate::methods::Method;
 use crate::report::plan::PlanFile;
 
 /// Arguments that do not decide what is written, and so are not part of a plan.
@@ -52,7 +54,11 @@ pub(super) fn follow(file: &Path, arguments: &BakeArguments, bake: &ArgMatches) 
     let plan = PlanFile::read(file).map_err(|why| anyhow!(why)).with_context(name)?;
     let mut options = restored(&plan, bake).with_context(name)?.options()?;
     options.verify.device = arguments.options()?.verify.device;
-    options.choose.decided = Some(plan.decided());
+    if plan.decision.left_alone {
+        (options.choose.method, options.copies) = (Choice::Method(Method::Keep), FindCopies::Off);
+    } else {
+        options.choose.decided = Some(plan.decided());
+    }
     options.plan = PlanUse::Follow(plan.hashes());
     Ok(options)
 }

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::BakeReport;
 use crate::choose::Decided;
 use crate::verify::MachineKind;
+use crate::verify::verdict::Verdict;
 
 /// Hashes that a plan holds for: BLAKE3, in hexadecimal digits.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,6 +67,8 @@ pub struct PlannedDecision {
     pub entry_cost: Option<f64>,
     /// Number of the rotation of the stored axes; 0 is the identity.
     pub axes: u8,
+    /// Whether the input was left alone, byte for byte, whatever the candidate.
+    pub left_alone: bool,
 }
 
 /// A device, by name, kind and driver.
@@ -112,6 +115,7 @@ impl PlanFile {
                 plan: id.name().to_owned(),
                 entry_cost: id.refined_entry_cost(),
                 axes: id.axes(),
+                left_alone: report.verdict == Verdict::LeftAlone,
             },
             device,
         }
@@ -170,6 +174,7 @@ mod tests {
                 plan: "cluster, entry 15".into(),
                 entry_cost: Some(15.0 / 1.3),
                 axes: 7,
+                left_alone: false,
             },
             device: PlannedDevice::new("a device", MachineKind::Gpu, "a driver 1.2"),
         }

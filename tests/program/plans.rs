@@ -55,6 +55,7 @@ fn every_candidate_can_be_replayed() {
     for (i, name) in names.into_iter().enumerate() {
         let mut changed: Value = serde_json::from_str(&text).expect("JSON");
         let decision = changed["decision"].as_object_mut().expect("a decision");
+        decision.insert("left_alone".into(), false.into());
         decision.insert("plan".into(), name.into());
         if i == 1 {
             decision.insert("axes".into(), 7.into());
@@ -78,6 +79,24 @@ fn every_candidate_can_be_replayed() {
         assert!(chosen["chosen_candidate"].as_str().is_some_and(|chosen| chosen.starts_with(name)), "{chosen}");
         assert_eq!(chosen["decided_by"], "plan");
     }
+}
+
+/// As if a device had found that what was chosen is not faster: the copies that it shares are not written.
+#[test]
+fn an_input_that_was_left_alone_is_left_alone_again() {
+    let folder = TempDir::new().expect("a folder");
+    let scene = sample("copies");
+    let (plan, ..) = planned(&scene, folder.path(), &["--method", "auto"]);
+    let mut changed: Value = serde_json::from_str(&fs::read_to_string(&plan).expect("a plan")).expect("JSON");
+    let untouched = planned(&scene, folder.path(), &["--method", "keep", "--copies", "off"]).0;
+    let untouched: Value = serde_json::from_str(&fs::read_to_string(&untouched).expect("a plan")).expect("JSON");
+    assert_eq!(untouched["decision"]["left_alone"], true);
+    changed["output_blake3"] = untouched["output_blake3"].clone();
+    changed["decision"]["left_alone"] = true.into();
+    fs::write(&plan, changed.to_string()).expect("written");
+    let ran = follow(&scene, &folder.path().join("out.glb"), &plan, &["--effort", "3"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    assert_eq!(ran.json()["verdict"], "left alone");
 }
 
 #[test]
