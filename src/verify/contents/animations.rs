@@ -4,6 +4,7 @@ use raykiln_formats::properties::{Animation, Channel, Property};
 
 use super::super::Sides;
 use super::DifferenceKind as Kind;
+use super::curve::{self, Allowed};
 use super::findings::Findings;
 use super::nodes::Nodes;
 use super::property::{Changed, Correspondence, same_number};
@@ -27,6 +28,7 @@ pub(super) fn compare(
     animations: &Sides<Vec<Animation>>,
     nodes: &Nodes,
     same: &dyn Correspondence,
+    allowed: Allowed,
     found: &mut Findings,
 ) {
     let Sides { before, after } = animations;
@@ -36,7 +38,7 @@ pub(super) fn compare(
         let named = free.iter().position(|other| other.name == animation.name);
         let first = || (before.len() == after.len() && !free.is_empty()).then_some(0);
         match named.or_else(first) {
-            Some(at) => Both { name, animations: [animation, free.remove(at)], nodes, same }.compare(found),
+            Some(at) => Both { name, animations: [animation, free.remove(at)], nodes, same, allowed }.compare(found),
             None => found.object(Kind::AnimationMissing, &name),
         }
     }
@@ -51,6 +53,7 @@ struct Both<'a> {
     animations: [&'a Animation; 2],
     nodes: &'a Nodes,
     same: &'a dyn Correspondence,
+    allowed: Allowed,
 }
 
 impl Both<'_> {
@@ -91,7 +94,9 @@ impl Both<'_> {
             && are_close(&before.times, &after.times)
             && are_close(&before.values, &after.values);
         if !are_same {
-            self.change(Kind::AnimationKeys, self.target(before), [&text(before), &text(after)], found);
+            let moves_alike = curve::are_same(before, after, self.allowed);
+            let kind = if moves_alike { Kind::AnimationResampled } else { Kind::AnimationKeys };
+            self.change(kind, self.target(before), [&text(before), &text(after)], found);
         }
     }
 

@@ -202,6 +202,10 @@ kinds! {
     StrokesNotCompared = "strokes-not-compared", Note;
     /// A camera that only the output has.
     CameraAdded = "camera-added", Note;
+    /// The planes of a camera before and beyond which nothing is shown; rays have none.
+    CameraClipping = "camera-clipping", Note;
+    /// The keys of an animation that moves its target alike nevertheless.
+    AnimationResampled = "animation-resampled", Note;
     /// The name of a mesh.
     MeshName = "mesh-name", Note;
     /// A missing node that carries nothing but extras, as `--prune` and other tools drop; its triangles are compared for

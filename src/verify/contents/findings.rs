@@ -37,6 +37,18 @@ impl Findings {
         values: [Option<&Property>; 2],
         same: &dyn Correspondence,
     ) {
+        self.properties_by(|_| kind, object, path, values, same);
+    }
+
+    /// As [`Findings::properties`]; the kind follows from the path of the property.
+    pub(super) fn properties_by(
+        &mut self,
+        kind: impl Fn(&str) -> DifferenceKind,
+        object: Option<&str>,
+        path: &str,
+        values: [Option<&Property>; 2],
+        same: &dyn Correspondence,
+    ) {
         let found = match values {
             [None, None] => return,
             [Some(before), Some(after)] => changes(before, after, same),
@@ -46,9 +58,10 @@ impl Findings {
             }
         };
         for changed in found {
-            let separator = if changed.path.is_empty() || changed.path.starts_with('[') { "" } else { "." };
+            let is_joined = path.is_empty() || changed.path.is_empty() || changed.path.starts_with('[');
+            let separator = if is_joined { "" } else { "." };
             let path = format!("{path}{separator}{}", changed.path);
-            self.property(kind, object, Changed { path, ..changed });
+            self.property(kind(&path), object, Changed { path, ..changed });
         }
     }
 

@@ -243,7 +243,9 @@ impl<'a> Meaning<'a> {
             // A node that is found may be animated: another in its place would move otherwise.
             let other = || free.iter().position(is_there).filter(|_| matched.is_none());
             let now = own.or_else(other).map(|at| free.remove(at).1);
-            found.properties(kinds[0], Some(&self.nodes.name(node)), kinds[0].name(), [Some(property), now], self.same);
+            let values = [Some(property), now];
+            let name = self.nodes.name(node);
+            found.properties_by(|path| kind_of(kinds[0], path), Some(&name), kinds[0].name(), values, self.same);
         }
         for (node, property) in free {
             let changed = Changed { path: format!("nodes[{node}]"), before: None, after: Some(property.short()) };
@@ -313,6 +315,11 @@ impl<'a> Meaning<'a> {
             found.property(Kind::SceneNodes, Some(scene), told);
         }
     }
+}
+
+/// Returns the kind of a difference of a camera or light by the path of the property.
+fn kind_of(kind: Kind, path: &str) -> Kind {
+    if path.ends_with(".znear") || path.ends_with(".zfar") { Kind::CameraClipping } else { kind }
 }
 
 /// Extensions that are compared as lights.

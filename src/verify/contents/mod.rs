@@ -8,6 +8,7 @@
 mod animations;
 mod attributes;
 mod comparison;
+mod curve;
 mod difference;
 mod findings;
 mod images;
@@ -43,6 +44,7 @@ pub use tolerance::Tolerance;
 use super::surface::pairs::Pairs;
 use super::{Side, Sides};
 use crate::scene::{Instance, Scene};
+use curve::Allowed;
 use findings::Findings;
 use images::Images;
 use materials::Materials;
@@ -143,7 +145,7 @@ fn compare_parts(inputs: Inputs<'_>, tolerance: &Tolerance, is_whole: bool) -> R
     let mut found = Findings::default();
     primitives::compare(&inputs, &meetings, &same, &mut found);
     if is_whole {
-        compare_rest(&inputs, &same, distance, &mut report.compared, &mut found);
+        compare_rest(&inputs, &same, (tolerance, distance), &mut report.compared, &mut found);
     }
     found.report(&mut report);
     if is_whole {
@@ -154,14 +156,21 @@ fn compare_parts(inputs: Inputs<'_>, tolerance: &Tolerance, is_whole: bool) -> R
 }
 
 /// Compares nodes, animations, scenes, points and lines, and what the files say of themselves.
-fn compare_rest(inputs: &Inputs<'_>, same: &Same<'_>, distance: f64, compared: &mut Compared, found: &mut Findings) {
+fn compare_rest(
+    inputs: &Inputs<'_>,
+    same: &Same<'_>,
+    (tolerance, distance): (&Tolerance, f64),
+    compared: &mut Compared,
+    found: &mut Findings,
+) {
     let nodes = same.nodes;
     let animations = inputs.documents.map(Document::animations);
     let animated = animations::animated(&animations.before, nodes.after.len());
     let meaning = Meaning::of(inputs, nodes, same, same.skins.as_ref().map(Vec::as_slice), distance, animated);
     meaning.compare(found);
     meaning.scenes(found);
-    animations::compare(&animations, nodes, same, found);
+    let allowed = Allowed { distance, angle: tolerance.angle, weight: tolerance.weight };
+    animations::compare(&animations, nodes, same, allowed, found);
     strokes::compare(inputs, nodes, same, distance, compared, found);
     let told = inputs.documents.map(|doc| Property::Object(doc.root_content()));
     found.properties(DifferenceKind::FileData, None, "", [Some(&told.before), Some(&told.after)], same);
