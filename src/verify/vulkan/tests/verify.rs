@@ -105,13 +105,6 @@ fn planted() -> Vec<(&'static str, Scene)> {
             "a mirrored instance",
             change(&|s| s.instances[2].transform *= DAffine3::from_scale(glam::DVec3::new(1.0, 1.0, -1.0))),
         ),
-        (
-            "swapped transforms",
-            change(&|s| {
-                let first = s.instances[1].transform;
-                s.instances[1].transform = std::mem::replace(&mut s.instances[4].transform, first);
-            }),
-        ),
     ]
 }
 
