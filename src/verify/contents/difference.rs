@@ -217,7 +217,7 @@ kinds! {
     NodeRegrouped = "node-regrouped", Note;
     /// Where a node is in the world, if it carries a mesh alone; its triangles are compared for themselves.
     NodeRescaled = "node-rescaled", Note;
-    /// The name of a node, if no node of the output has one.
+    /// The name of a node that has none now, if the output leaves out more than a fifth of them.
     NamesGone = "names-gone", Note;
     /// The name of a node, up to a number that tells equal names apart.
     NameNumbered = "name-numbered", Note;

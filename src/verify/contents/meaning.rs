@@ -14,6 +14,9 @@ use super::{DifferenceKind as Kind, Inputs};
 /// Entries of two matrices that differ by no more than this share of the largest entry are equal.
 const SAME_ENTRY: f64 = 2e-6;
 
+/// A missing name is an error if there are at least this many names for each that is missing.
+const KEPT_NAMES: usize = 4;
+
 /// What nodes are compared with.
 pub(super) struct Meaning<'a> {
     pub(super) inputs: &'a Inputs<'a>,
@@ -255,21 +258,24 @@ impl<'a> Meaning<'a> {
 
     /// Compares the names of nodes that are found by number, or by a name that differs in its number.
     fn names(&self, found: &mut Findings) {
-        let are_gone = self.nodes.hierarchies.after.nodes.iter().all(|node| node.name.is_none());
-        for (before, after) in self.nodes.after.iter().enumerate().filter_map(|(b, a)| Some((b, (*a)?))) {
-            let b = &self.nodes.get(Side::Before, before).name;
-            let a = &self.nodes.get(Side::After, after).name;
-            if b == a {
-                continue;
-            }
-            let is_numbered = matches!((b, a), (Some(b), Some(a)) if stem(b) == stem(a));
-            let kind = match (are_gone && self.nodes.after.len() > 1, is_numbered) {
-                (true, _) => Kind::NamesGone,
-                (_, true) if !self.nodes.are_numbered => Kind::NameNumbered,
+        let matched = || self.nodes.after.iter().enumerate().filter_map(|(b, a)| Some((b, (*a)?)));
+        let both = |(before, after): (usize, usize)| {
+            (&self.nodes.get(Side::Before, before).name, &self.nodes.get(Side::After, after).name)
+        };
+        let kept = matched().map(both).filter(|(b, a)| b.is_some() && b == a).count();
+        let dropped = matched().map(both).filter(|(b, a)| b.is_some() && a.is_none()).count();
+        // A tool leaves out all names, or those of the nodes that it makes anew.
+        let are_left_out = kept < KEPT_NAMES * dropped;
+        for at in matched() {
+            let (b, a) = both(at);
+            let kind = match (b, a) {
+                _ if b == a => continue,
+                (Some(_), None) if are_left_out => Kind::NamesGone,
+                (Some(b), Some(a)) if stem(b) == stem(a) && !self.nodes.are_numbered => Kind::NameNumbered,
                 _ => Kind::NodeRenamed,
             };
             let changed = Changed { path: "name".into(), before: b.clone(), after: a.clone() };
-            found.property(kind, Some(&self.nodes.name(before)), changed);
+            found.property(kind, Some(&self.nodes.name(at.0)), changed);
         }
     }
 
