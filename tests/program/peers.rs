@@ -41,6 +41,16 @@ fn gltf_samples() -> impl Iterator<Item = crate::common::Sample> {
     samples().into_iter().filter(|s| s.scene.extension().is_some_and(|e| e != "obj"))
 }
 
+/// What an operation really loses of a sample: all tools drop an extension that they do not know, and gltfpack turns the
+/// carousel, whose keys are half a turn apart, the other way.
+fn loss(sample: &str, operation: &str) -> Option<&'static str> {
+    match (sample, operation) {
+        ("hierarchy", _) => Some("ACME_spin"),
+        ("animated", "gltfpack" | "gltfpack-noq") => Some("animation-keys: carousel.rotation"),
+        _ => None,
+    }
+}
+
 #[test]
 fn what_other_tools_leave_the_same_is_the_same() {
     for sample in gltf_samples() {
@@ -48,6 +58,11 @@ fn what_other_tools_leave_the_same_is_the_same() {
         for (operation, ratio) in OPERATIONS {
             let output = rewritten(operation, &sample.scene, folder.path());
             let ran = verify(&sample.scene, &output, ratio);
+            if let Some(loss) = loss(&sample.name, operation) {
+                assert_eq!(ran.status, 1, "{} {operation} is a loss", sample.name);
+                assert!(ran.stderr.contains(loss), "{} {operation}: {}", sample.name, ran.stderr);
+                continue;
+            }
             assert_eq!(ran.status, 0, "{} {operation}: {}", sample.name, ran.stderr);
             assert_eq!(ran.json()["matched_by"], "place");
         }
