@@ -11,7 +11,7 @@ use crate::verify::{PerKind, Verification};
 /// The speeds by ray kind and over all of them, and how much they depend on the view.
 pub(super) fn rays(verify: &Verification, overall: &Speed) -> String {
     let heading = match verify.speed_by {
-        SpeedBy::Nothing => return "no rays were timed\n".to_owned(),
+        SpeedBy::Nothing => return format!("rays were compared on {}; none were timed\n", verify.device),
         SpeedBy::Seconds => format!("Mrays/s on {}", verify.device),
         SpeedBy::Steps => "Mrays/s per CPU core, by steps".to_owned(),
     };

@@ -322,10 +322,9 @@ fn coincident_triangles_are_ties() {
     let found = verify(&before, &after, &options());
     assert_sound(&found);
     assert!(found.ties > 100, "{} ties", found.ties);
-    // With exchanged materials, this is not a tie.
+    // With exchanged materials the place shows the same, but the record is wrong.
     after.meshes = vec![before.meshes[1].clone(), before.meshes[0].clone()].into();
     assert!(!verify(&before, &after, &options()).passed());
-    assert!(mismatches_seen(&before, &after) > 0);
 }
 
 #[test]
