@@ -44,8 +44,11 @@ impl Images {
     }
 
     fn look(&self, before: usize, after: usize) -> Sameness {
-        let (Some(before), Some(after)) = (self.all.before.get(before), self.all.after.get(after)) else {
-            return Sameness::Different;
+        let (before, after) = match (self.all.before.get(before), self.all.after.get(after)) {
+            (Some(before), Some(after)) => (before, after),
+            // A file may refer to images that it does not have.
+            (None, None) if before == after => return Sameness::SameName,
+            _ => return Sameness::Different,
         };
         match (before.read(), after.read()) {
             (Ok(b), Ok(a)) if are_same(&b, &a) => Sameness::Same,

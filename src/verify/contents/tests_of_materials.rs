@@ -109,3 +109,15 @@ fn exchanged_and_dropped_materials_are_found_by_the_objects_that_show_them() {
     );
     assert!(dropped.has_errors(), "{dropped:?}");
 }
+
+#[test]
+fn an_image_that_neither_file_has_is_a_note() {
+    let with = |source: u32| {
+        changed(&sample("textured"), |json| {
+            json["textures"][0]["extensions"] = json!({"KHR_texture_basisu": {"source": source}});
+        })
+    };
+    let before = with(99);
+    assert_eq!(kinds(&report(&before, &before)), [Kind::ImageUnreadable]);
+    assert!(report(&before, &with(98)).has_errors());
+}
