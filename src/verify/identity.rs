@@ -90,30 +90,6 @@ impl<'a> Identity<'a> {
         chunks(self.after).par_iter().map(of_chunk).sum()
     }
 
-    /// Returns the first place in `after` of each of the given triangles of `before`; `None` for missing triangles.
-    pub fn find(&self, wanted: &[TriangleRef]) -> Vec<Option<TriangleRef>> {
-        use rayon::prelude::*;
-        let mut sorted = wanted.to_vec();
-        sorted.sort_unstable();
-        sorted.dedup();
-        if sorted.is_empty() {
-            return Vec::new();
-        }
-        let found: Vec<Vec<(usize, TriangleRef)>> =
-            chunks(self.after).par_iter().map(|chunk| self.find_in(chunk, &sorted)).collect();
-        let mut places = vec![None; sorted.len()];
-        for (which, at) in found.into_iter().flatten() {
-            places[which] = places[which].or(Some(at));
-        }
-        wanted.iter().map(|w| sorted.binary_search(w).ok().and_then(|which| places[which])).collect()
-    }
-
-    fn find_in(&self, chunk: &Chunk, sorted: &[TriangleRef]) -> Vec<(usize, TriangleRef)> {
-        let sources = self.sources(chunk.instance, chunk.geometry, chunk.triangles.clone());
-        let hits = sources.zip(chunk.refs(self.after));
-        hits.filter_map(|(source, at)| Some((sorted.binary_search(&source?).ok()?, at))).collect()
-    }
-
     /// Returns the primitive of `before` that a geometry without runs represents.
     fn whole(&self, placing: &'a Instance, of: &Geometry) -> Option<Piece<'a>> {
         let own = (self.after.meshes[placing.mesh.0 as usize].source, of.primitive);

@@ -159,38 +159,19 @@ pub(super) fn judge(
     cannot_tell: CannotTell,
     options: &VerifyOptions,
 ) -> Verification {
-    let Seen { tally, mut notes, timed, .. } = seen;
     let structure = exact.map(|exact| exact.structure.clone());
     let contents = exact.and_then(|exact| exact.contents.clone());
-    let mut failures = structure.as_ref().map_or(Vec::new(), |s| structure_failures(s, options));
-    for difference in contents.iter().flat_map(|contents| &contents.differences) {
-        match difference.severity {
-            Severity::Error => failures.push(Failure::Differs(difference.clone())),
-            Severity::Note => notes.push(Note::Differs(difference.clone())),
-        }
-    }
-    let records = scenes.after.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some());
-    notes.extend(structure.iter().flat_map(|s| structure_notes(s, records, options)));
-    failures.extend(ray_failure(&tally));
-    if seen.seams.is_worse() {
-        match moved_as_allowed(structure.as_ref(), options) {
-            true => notes.push(Note::Seams(seen.seams)),
-            false => failures.push(Failure::Seams(seen.seams)),
-        }
-    }
-    let is_blind = tally.hits == 0 && scenes.before.triangles_placed().max(scenes.after.triangles_placed()) > 0;
-    let touched_area_ratio = structure.is_none().then(|| surface::share_of_area(scenes.before, &tally.touched));
-    if failures.is_empty()
-        && let Some(share) = touched_area_ratio
-    {
-        failures.extend(is_blind.then_some(Failure::NothingHit));
-        failures.extend(blindness(&tally, share).filter(|_| !is_blind));
-    }
+    let touched_area_ratio = structure.is_none().then(|| surface::share_of_area(scenes.before, &seen.tally.touched));
+    let mut found = Found { failures: Vec::new(), notes: seen.notes };
+    found.exactly(scenes.after, structure.as_ref(), contents.as_ref(), options);
+    found.by_rays(scenes, &seen.tally, seen.seams, structure.as_ref(), touched_area_ratio, options);
     match structure {
         _ if cannot_tell.is_nothing() => {}
-        Some(_) => notes.push(Note::CannotTell(cannot_tell.clone())),
-        None => failures.push(Failure::CannotTell(cannot_tell.clone())),
+        Some(_) => found.notes.push(Note::CannotTell(cannot_tell.clone())),
+        None => found.failures.push(Failure::CannotTell(cannot_tell.clone())),
     }
+    let Found { failures, notes } = found;
+    let Seen { tally, timed, .. } = seen;
     let allowed = allowed_error(scenes.before, options.max_position_error_ratio);
     Verification {
         device: seen.device,
@@ -229,6 +210,56 @@ pub(super) fn judge(
         contents,
         failures,
         notes,
+    }
+}
+
+/// Why a file fails, and what else is worth knowing.
+struct Found {
+    failures: Vec<Failure>,
+    notes: Vec<Note>,
+}
+
+impl Found {
+    /// Adds what the exhaustive comparison says.
+    fn exactly(
+        &mut self,
+        after: &Scene,
+        structure: Option<&Structure>,
+        contents: Option<&ContentsReport>,
+        options: &VerifyOptions,
+    ) {
+        self.failures.extend(structure.into_iter().flat_map(|s| structure_failures(s, options)));
+        for difference in contents.into_iter().flat_map(|contents| &contents.differences) {
+            match difference.severity {
+                Severity::Error => self.failures.push(Failure::Differs(difference.clone())),
+                Severity::Note => self.notes.push(Note::Differs(difference.clone())),
+            }
+        }
+        let records = after.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some());
+        self.notes.extend(structure.into_iter().flat_map(|s| structure_notes(s, records, options)));
+    }
+
+    /// Adds what rays say; they must say more, given the share of the area that they touched, if nothing else does.
+    fn by_rays(
+        &mut self,
+        scenes: Sides<&Scene>,
+        tally: &Tally,
+        seams: Seams,
+        structure: Option<&Structure>,
+        touched_area_ratio: Option<f64>,
+        options: &VerifyOptions,
+    ) {
+        self.failures.extend(ray_failure(tally));
+        if seams.is_worse() {
+            match moved_as_allowed(structure, options) {
+                true => self.notes.push(Note::Seams(seams)),
+                false => self.failures.push(Failure::Seams(seams)),
+            }
+        }
+        let is_blind = tally.hits == 0 && scenes.before.triangles_placed().max(scenes.after.triangles_placed()) > 0;
+        if let Some(share) = touched_area_ratio.filter(|_| self.failures.is_empty()) {
+            self.failures.extend(if is_blind { Some(Failure::NothingHit) } else { blindness(tally, share) });
+        }
     }
 }
 

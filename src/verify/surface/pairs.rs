@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::numbering::Numbering;
 use crate::scene::{Scene, TriangleRef};
 
 /// The triangle of the input in the place of one of the output.
@@ -18,8 +19,8 @@ pub struct Pair {
 /// pair.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pairs {
-    /// The first triangle of each instance of the output, and their number.
-    starts: Vec<usize>,
+    /// Of the triangles of the output.
+    numbering: Numbering,
     /// The instance of the input, and its triangle with the turn in the two highest bits.
     of: Vec<[u32; 2]>,
 }
@@ -32,33 +33,26 @@ const TURN: u32 = 1 << 30;
 impl Pairs {
     /// Pairs nothing of a scene's triangles.
     pub fn none(after: &Scene) -> Pairs {
-        let counts = after.instances.iter().map(|i| after.meshes[i.mesh.0 as usize].triangle_count());
-        let starts: Vec<usize> = std::iter::once(0)
-            .chain(counts.scan(0, |sum, count| {
-                *sum += count;
-                Some(*sum)
-            }))
-            .collect();
-        let of = vec![NONE; starts.last().copied().unwrap_or(0)];
-        Pairs { starts, of }
+        let numbering = Numbering::of(after);
+        Pairs { of: vec![NONE; numbering.total()], numbering }
     }
 
     /// Returns the partner of a triangle of the output; `None` if it has none.
     pub fn get(&self, after: TriangleRef) -> Option<Pair> {
-        let [instance, packed] = self.of[self.index(after)];
+        let [instance, packed] = self.of[self.numbering.index(after)];
         let at = TriangleRef { instance, triangle: packed % TURN };
         ([instance, packed] != NONE).then_some(Pair { at, turn: packed / TURN })
     }
 
     /// Sets the partner of a triangle of the output.
     pub fn set(&mut self, after: TriangleRef, pair: Pair) {
-        let index = self.index(after);
+        let index = self.numbering.index(after);
         self.of[index] = packed(pair);
     }
 
     /// Takes away the partner of a triangle of the output.
     pub(super) fn clear(&mut self, after: TriangleRef) {
-        let index = self.index(after);
+        let index = self.numbering.index(after);
         self.of[index] = NONE;
     }
 
@@ -77,7 +71,7 @@ impl Pairs {
                 .map(|(t, _)| TriangleRef { instance: i, triangle: t })
                 .collect()
         };
-        let ranges: Vec<(u32, &[usize])> = (0..).zip(self.starts.windows(2)).collect();
+        let ranges: Vec<(u32, &[usize])> = (0..).zip(self.numbering.starts.windows(2)).collect();
         let found: Vec<Vec<TriangleRef>> = ranges.into_par_iter().map(of_instance).collect();
         found.concat()
     }
@@ -97,7 +91,7 @@ impl Pairs {
         let found = self.of.par_iter().enumerate().filter_map(|(index, of)| Some((which(of)?, index)));
         let mut places = vec![None; sorted.len()];
         for (which, index) in found.collect::<Vec<_>>() {
-            places[which] = Some(self.triangle(index));
+            places[which] = Some(self.numbering.triangle(index));
         }
         wanted.iter().map(|w| sorted.binary_search(w).ok().and_then(|which| places[which])).collect()
     }
@@ -111,15 +105,6 @@ impl Pairs {
             PairsMut(part)
         };
         counts.into_iter().map(&mut part).collect()
-    }
-
-    fn triangle(&self, index: usize) -> TriangleRef {
-        let instance = self.starts.partition_point(|&start| start <= index) - 1;
-        TriangleRef { instance: instance as u32, triangle: (index - self.starts[instance]) as u32 }
-    }
-
-    fn index(&self, after: TriangleRef) -> usize {
-        self.starts[after.instance as usize] + after.triangle as usize
     }
 }
 

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::corners::fit;
 use super::errors::{Largest, PositionErrors};
 use super::limits::Limits;
+use super::numbering::Numbering;
 use super::pairs::{Pair, Pairs, PairsMut};
 use crate::scene::{Scene, TriangleRef};
 use crate::verify::Sides;
@@ -98,43 +99,33 @@ fn settle(pairs: &mut Pairs, conflicts: &[Conflict]) {
 
 /// One bit for each placed triangle of the input.
 struct Seen {
-    /// Bit index of each instance's first triangle, and their number.
-    starts: Vec<u64>,
+    numbering: Numbering,
     bits: Vec<AtomicU64>,
 }
 
 impl Seen {
     fn new(scene: &Scene) -> Seen {
-        let mut starts = vec![0];
-        for instance in &scene.instances {
-            let count = scene.meshes[instance.mesh.0 as usize].triangle_count() as u64;
-            starts.push(starts[starts.len() - 1] + count);
-        }
-        let bits = (0..starts[starts.len() - 1].div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
-        Seen { starts, bits }
+        let numbering = Numbering::of(scene);
+        let bits = (0..numbering.total().div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
+        Seen { numbering, bits }
     }
 
     /// Marks a triangle as found; returns whether it already was.
     fn mark(&self, at: TriangleRef) -> bool {
-        let bit = self.starts[at.instance as usize] + u64::from(at.triangle);
+        let bit = self.numbering.index(at);
         let mask = 1 << (bit % 64);
-        self.bits[(bit / 64) as usize].fetch_or(mask, Ordering::Relaxed) & mask != 0
+        self.bits[bit / 64].fetch_or(mask, Ordering::Relaxed) & mask != 0
     }
 
     /// Returns the triangles that were not found, in order.
     fn missing(&self) -> Vec<TriangleRef> {
-        let total = self.starts[self.starts.len() - 1];
+        let total = self.numbering.total();
         let of_word = |(word, bits): (usize, &AtomicU64)| {
             let bits = bits.load(Ordering::Relaxed);
-            let unset = (0..64).filter(move |bit| bits >> bit & 1 == 0).map(move |bit| 64 * word as u64 + bit);
-            unset.filter(|&bit| bit < total).map(|bit| self.triangle(bit))
+            let unset = (0..64).filter(move |bit| bits >> bit & 1 == 0).map(move |bit| 64 * word + bit);
+            unset.filter(|&bit| bit < total).map(|bit| self.numbering.triangle(bit))
         };
         let incomplete = self.bits.par_iter().enumerate().filter(|(_, bits)| bits.load(Ordering::Relaxed) != u64::MAX);
         incomplete.flat_map_iter(of_word).collect()
-    }
-
-    fn triangle(&self, bit: u64) -> TriangleRef {
-        let instance = self.starts.partition_point(|&first| first <= bit) - 1;
-        TriangleRef { instance: instance as u32, triangle: (bit - self.starts[instance]) as u32 }
     }
 }
