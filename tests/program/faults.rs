@@ -1,8 +1,10 @@
 //! Damaged outputs: `raykiln verify` names each fault, on the CPU and on a device.
 
 mod everything;
+mod geometry;
 mod library;
 mod matrix;
+mod planting;
 
 use crate::common::{Opened, Ran, bake, raykiln, samples};
 use serde_json::json;

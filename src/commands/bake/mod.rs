@@ -11,13 +11,14 @@ use std::time::Instant;
 pub use clock::Stage;
 pub use copies::FindCopies;
 
-use raykiln_formats::Document;
 use raykiln_formats::document::{self, Staged};
+use raykiln_formats::{Document, Warning};
 
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::commands::source::Source;
 use crate::commands::{CommandError, PlanError, fingerprint};
+use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
@@ -25,7 +26,7 @@ use crate::report::plan::{Hashes, PlannedDevice};
 use crate::report::{self, BakeReport, Input, MethodReport, Pass, ReportedOptions, Seconds, Speed};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
-use crate::verify::{Exact, Machine, Sides, Verification, VerifyOptions};
+use crate::verify::{Exact, Machine, MachineKind, Sides, Verification, VerifyOptions};
 use clock::Clock;
 use copies::SharedScene;
 
@@ -149,49 +150,84 @@ pub fn bake(
     let (path, warnings) = (doc.path.clone(), [scene_warnings, doc.warnings.clone()].concat());
     let given = Given { doc, scene: &scene, staged, trees: &trees };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
-    let Tried { written, after: after_scene, trees: after_trees, verification, verdict } = tried;
     clock.enter(Stage::Analyse);
-    let after = if written.unchanged { before.clone() } else { measure_with(&after_scene, &after_trees, blas_per) };
-    let copies = sharing.map(|(sharing, seconds)| {
-        Pass::find_copies(&copies::as_written(sharing, written.unchanged, copies_are_placed), seconds)
-    });
-    let overall = Speed::of(&verification, &options.verify.weights, machine.name().1);
-    let method = MethodReport::from(chosen.selection).with_written(&after, &verification, seconds);
-    let profiles = per_primitive_note(
-        blas_per,
-        Sides { before: &scene, after: &after_scene },
-        Sides { before: &before, after: &after },
-    );
-    let of_choice = [words_of(&chosen.layout.notes), words_of(&chosen.notes)].concat();
-    let notes = [of_choice, written.notes(), words_of(&verification.notes), profiles].concat();
-    let mut report = BakeReport {
-        schema: BakeReport::SCHEMA,
-        raykiln_version: env!("CARGO_PKG_VERSION"),
-        input: Input::of(path, &scene),
-        output: output.to_owned(),
-        verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class),
-        options: options.reported(),
-        blas_per,
-        before,
-        overall,
-        verdict,
-        method,
-        after,
-        passes: copies.into_iter().chain(chosen.passes.into_iter().map(Pass::from)).chain(written.passes()).collect(),
-        notes,
-        verify: verification,
-        seconds: Seconds::default(),
-        peak_memory_bytes: None,
-        output_bytes: written.staged.bytes(),
-        copied: written.copied,
-        warnings: words_of(&[warnings, written.staged.warnings.clone()].concat()),
+    let after = match tried.written.unchanged {
+        true => before.clone(),
+        false => measure_with(&tried.after, &tried.trees, blas_per),
     };
-    let hashes = input_hash.map(|input| planned(input, &written.staged, &options.plan)).transpose()?;
+    let copies = sharing.map(|(sharing, seconds)| {
+        Pass::find_copies(&copies::as_written(sharing, tried.written.unchanged, copies_are_placed), seconds)
+    });
+    let hashes = input_hash.map(|input| planned(input, &tried.written.staged, &options.plan)).transpose()?;
+    let input = Input::of(path, &scene);
+    let metrics = Sides { before, after };
+    let done = Done { input, output, scene: &scene, warnings, metrics, copies, chosen, seconds, tried, options };
+    let (name, kind) = machine.name();
+    let (mut report, staged) = done.report(kind);
     report.seconds = clock.stop();
     report.peak_memory_bytes = clock::peak_memory_bytes();
-    let output = (report.verdict != Verdict::Failed).then_some(written.staged);
-    let (name, kind) = machine.name();
+    let output = (report.verdict != Verdict::Failed).then_some(staged);
     Ok(Baked { report, output, hashes, device: PlannedDevice::new(name, kind, machine.driver()) })
+}
+
+/// What a bake did, of which its report is made.
+struct Done<'a> {
+    input: Input,
+    output: &'a Path,
+    scene: &'a Scene,
+    warnings: Vec<Warning>,
+    metrics: Sides<Metrics>,
+    copies: Option<Pass>,
+    chosen: Chosen,
+    /// Time to choose, in seconds.
+    seconds: f64,
+    tried: Tried,
+    options: &'a BakeOptions,
+}
+
+impl Done<'_> {
+    /// Returns the report, but for the times of the stages and the memory, and the output.
+    fn report(self, device: MachineKind) -> (BakeReport, Staged) {
+        let Done { input, output, scene, warnings, metrics, copies, chosen, seconds, tried, options } = self;
+        let Tried { written, after: scene_after, verification, verdict, .. } = tried;
+        let blas_per = options.verify.build.blas_per;
+        let overall = Speed::of(&verification, &options.verify.weights, device);
+        let method = MethodReport::from(chosen.selection).with_written(&metrics.after, &verification, seconds);
+        let profiles = per_primitive_note(
+            blas_per,
+            Sides { before: scene, after: &scene_after },
+            Sides { before: &metrics.before, after: &metrics.after },
+        );
+        let of_choice = [words_of(&chosen.layout.notes), words_of(&chosen.notes)].concat();
+        let notes = [of_choice, written.notes(), words_of(&verification.notes), profiles].concat();
+        let report = BakeReport {
+            schema: BakeReport::SCHEMA,
+            raykiln_version: env!("CARGO_PKG_VERSION"),
+            input,
+            output: output.to_owned(),
+            verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class),
+            options: options.reported(),
+            blas_per,
+            before: metrics.before,
+            overall,
+            verdict,
+            method,
+            after: metrics.after,
+            passes: copies
+                .into_iter()
+                .chain(chosen.passes.into_iter().map(Pass::from))
+                .chain(written.passes())
+                .collect(),
+            notes,
+            verify: verification,
+            seconds: Seconds::default(),
+            peak_memory_bytes: None,
+            output_bytes: written.staged.bytes(),
+            copied: written.copied,
+            warnings: words_of(&[warnings, written.staged.warnings.clone()].concat()),
+        };
+        (report, written.staged)
+    }
 }
 
 /// Reads the input, and hashes it if a plan is written or followed.

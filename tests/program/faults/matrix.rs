@@ -6,13 +6,15 @@ use fastrand::Rng;
 use raykiln::scene::{LoadOptions, Scene, load};
 use raykiln::verify::contents::{self, ContentsReport, DifferenceKind, Inputs, Severity, Tolerance};
 use raykiln::verify::identity::Identity;
-use raykiln::verify::{Sides, surface};
+use raykiln::verify::structure::Structure;
+use raykiln::verify::{FaultKind, Sides, surface};
 use raykiln_formats::Document;
 use serde_json::Value;
 use tempfile::TempDir;
 
 use super::everything::everything;
-use super::library::FAULTS;
+use super::planting::Fault;
+use super::{geometry, library};
 use crate::common::{assert_section, bake, methods, samples};
 
 /// Trials of each kind of fault.
@@ -37,14 +39,42 @@ impl Subject {
         Subject { scene: shown(&document), document, outputs: methods.iter().map(output).collect() }
     }
 
-    fn compare(&self, after: &Document) -> ContentsReport {
+    fn compare(&self, after: &Document) -> Found {
         let scene = shown(after);
-        let (_, pairs) = surface::compare(&Identity::new(&self.scene, &scene), 1e-6);
+        let (triangles, pairs) = surface::compare(&Identity::new(&self.scene, &scene), 1e-6);
         let documents = Sides { before: &self.document, after };
         let inputs =
             Inputs { documents, scenes: Sides { before: &self.scene, after: &scene }, pairs: &pairs, staged: None };
-        contents::compare(inputs, &Tolerance::default()).unwrap_or_else(|e| panic!("{e}"))
+        let contents = contents::compare(inputs, &Tolerance::default()).unwrap_or_else(|e| panic!("{e}"));
+        Found { triangles, contents }
     }
+}
+
+/// What a comparison found.
+#[derive(Debug)]
+struct Found {
+    triangles: Structure,
+    contents: ContentsReport,
+}
+
+impl Found {
+    /// The differences that fail a file.
+    fn errors(&self) -> (Vec<FaultKind>, Vec<DifferenceKind>) {
+        let faults = self.triangles.faults().into_iter().filter(|(_, fault)| fault.count > 0).map(|(kind, _)| kind);
+        let errors = self.contents.differences.iter().filter(|difference| difference.severity == Severity::Error);
+        (faults.collect(), errors.map(|difference| difference.kind).collect())
+    }
+
+    fn is(&self, fault: &Fault) -> bool {
+        let (triangles, contents) = self.errors();
+        triangles.iter().any(|kind| fault.triangles.contains(kind))
+            || contents.iter().any(|kind| fault.found_as.contains(kind))
+    }
+}
+
+/// All kinds of faults.
+fn faults() -> impl Iterator<Item = &'static Fault> {
+    geometry::FAULTS.iter().chain(library::FAULTS)
 }
 
 fn shown(document: &Document) -> Scene {
@@ -92,11 +122,6 @@ fn subjects() -> [Subject; 2] {
     [Subject::of(&path, &methods()), Subject::of(&hierarchy, &["keep", "single"])]
 }
 
-fn errors(report: &ContentsReport) -> Vec<DifferenceKind> {
-    let errors = report.differences.iter().filter(|difference| difference.severity == Severity::Error);
-    errors.map(|difference| difference.kind).collect()
-}
-
 #[test]
 fn every_kind_of_fault_is_found_in_every_trial() {
     let subjects = subjects();
@@ -106,12 +131,12 @@ fn every_kind_of_fault_is_found_in_every_trial() {
         for record in Record::ALL {
             let mut output = (*output).clone();
             record.apply(&mut output);
-            let report = subject.compare(&output);
-            assert_eq!(errors(&report), [], "{method}, record {record:?}, without a fault: {:#?}", report.differences);
+            let found = subject.compare(&output);
+            assert_eq!(found.errors(), (vec![], vec![]), "{method}, record {record:?}, without a fault: {found:#?}");
         }
     }
     let mut missed = Vec::new();
-    for fault in FAULTS {
+    for fault in faults() {
         let mut trials = 0;
         for seed in 0..8 * TRIALS {
             let (subject, method, output) = outputs[seed as usize % outputs.len()];
@@ -119,9 +144,9 @@ fn every_kind_of_fault_is_found_in_every_trial() {
             let record = Record::ALL[rng.usize(..3)];
             record.apply(&mut damaged);
             let Some(planted) = (fault.plant)(&mut damaged, &mut rng) else { continue };
-            let found = errors(&subject.compare(&damaged));
-            let is_found = found.iter().any(|kind| fault.found_as.contains(kind));
-            if !is_found {
+            let found = subject.compare(&damaged);
+            if !found.is(fault) {
+                let found = found.errors();
                 missed.push(format!("{}, {method}, record {record:?}, seed {seed}, {planted}: {found:?}", fault.name));
             }
             trials += 1;
@@ -139,20 +164,35 @@ fn outputs_without_fault_pass() {
     for (sample, method) in samples().iter().zip(["single", "cluster"].into_iter().cycle()) {
         let subject = Subject::of(&sample.scene, &[method]);
         for (method, output) in &subject.outputs {
-            let report = subject.compare(output);
-            assert_eq!(errors(&report), [], "{} by {method}: {:#?}", sample.name, report.differences);
+            let found = subject.compare(output);
+            assert_eq!(found.errors(), (vec![], vec![]), "{} by {method}: {found:#?}", sample.name);
         }
+    }
+}
+
+/// The key of a fault in triangles in JSON.
+fn name_of(kind: FaultKind) -> &'static str {
+    match kind {
+        FaultKind::Missing => "missing",
+        FaultKind::Repeated => "repeated",
+        FaultKind::Unknown => "unknown",
+        FaultKind::WrongMaterial => "of another material",
+        FaultKind::Flipped => "flipped",
+        FaultKind::Moved => "moved",
+        FaultKind::Elsewhere => "elsewhere",
     }
 }
 
 #[test]
 fn the_documentation_lists_all_faults_and_kinds_of_differences() {
-    let mut faults = String::from("| fault | found as |\n| --- | --- |\n");
-    for fault in FAULTS {
-        let kinds: Vec<String> = fault.found_as.iter().map(|kind| format!("`{}`", kind.name())).collect();
-        faults += &format!("| {} | {} |\n", fault.name, kinds.join(", "));
+    let mut table = String::from("| fault | found as |\n| --- | --- |\n");
+    for fault in faults() {
+        let triangles = fault.triangles.iter().map(|kind| format!("triangles {}", name_of(*kind)));
+        let contents = fault.found_as.iter().map(|kind| format!("`{}`", kind.name()));
+        let kinds: Vec<String> = triangles.chain(contents).collect();
+        table += &format!("| {} | {} |\n", fault.name, kinds.join(", "));
     }
-    assert_section("docs/verification.md", "faults in contents", &faults);
+    assert_section("docs/verification.md", "faults in contents", &table);
     let mut kinds = String::from("| difference | severity | what differs |\n| --- | --- | --- |\n");
     for kind in DifferenceKind::ALL {
         let severity = if kind.severity() == Severity::Error { "error" } else { "note" };
