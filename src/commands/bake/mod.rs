@@ -148,20 +148,14 @@ pub fn bake(
     let seconds = optimising.elapsed().as_secs_f64();
     let copies_are_placed = copies::are_placed(&staged, &chosen.layout);
     let (path, warnings) = (doc.path.clone(), [scene_warnings, doc.warnings.clone()].concat());
-    let given = Given { doc, scene: &scene, staged, trees: &trees };
+    let given = Given { doc, scene: &scene, staged, trees: &trees, metrics: &before };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
-    clock.enter(Stage::Analyse);
-    let after = match tried.written.unchanged {
-        true => before.clone(),
-        false => measure_with(&tried.after, &tried.trees, blas_per),
-    };
     let copies = sharing.map(|(sharing, seconds)| {
         Pass::find_copies(&copies::as_written(sharing, tried.written.unchanged, copies_are_placed), seconds)
     });
     let hashes = input_hash.map(|input| planned(input, &tried.written.staged, &options.plan)).transpose()?;
     let input = Input::of(path, &scene);
-    let metrics = Sides { before, after };
-    let done = Done { input, output, scene: &scene, warnings, metrics, copies, chosen, seconds, tried, options };
+    let done = Done { input, output, scene: &scene, warnings, before, copies, chosen, seconds, tried, options };
     let (name, kind) = machine.name();
     let (mut report, staged) = done.report(kind);
     report.seconds = clock.stop();
@@ -176,7 +170,7 @@ struct Done<'a> {
     output: &'a Path,
     scene: &'a Scene,
     warnings: Vec<Warning>,
-    metrics: Sides<Metrics>,
+    before: Metrics,
     copies: Option<Pass>,
     chosen: Chosen,
     /// Time to choose, in seconds.
@@ -188,15 +182,15 @@ struct Done<'a> {
 impl Done<'_> {
     /// Returns the report, but for the times of the stages and the memory, and the output.
     fn report(self, device: MachineKind) -> (BakeReport, Staged) {
-        let Done { input, output, scene, warnings, metrics, copies, chosen, seconds, tried, options } = self;
-        let Tried { written, after: scene_after, verification, verdict, .. } = tried;
+        let Done { input, output, scene, warnings, before, copies, chosen, seconds, tried, options } = self;
+        let Tried { written, after: scene_after, metrics: after, verification, verdict, .. } = tried;
         let blas_per = options.verify.build.blas_per;
         let overall = Speed::of(&verification, &options.verify.weights, device);
-        let method = MethodReport::from(chosen.selection).with_written(&metrics.after, &verification, seconds);
+        let method = MethodReport::from(chosen.selection).with_written(&after, &verification, seconds);
         let profiles = per_primitive_note(
             blas_per,
             Sides { before: scene, after: &scene_after },
-            Sides { before: &metrics.before, after: &metrics.after },
+            Sides { before: &before, after: &after },
         );
         let of_choice = [words_of(&chosen.layout.notes), words_of(&chosen.notes)].concat();
         let notes = [of_choice, written.notes(), words_of(&verification.notes), profiles].concat();
@@ -208,11 +202,11 @@ impl Done<'_> {
             verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class),
             options: options.reported(),
             blas_per,
-            before: metrics.before,
+            before,
             overall,
             verdict,
             method,
-            after: metrics.after,
+            after,
             passes: copies
                 .into_iter()
                 .chain(chosen.passes.into_iter().map(Pass::from))
@@ -272,6 +266,8 @@ struct Given<'a> {
     staged: Cow<'a, Scene>,
     /// The trees of `scene`'s meshes.
     trees: &'a MeshTrees,
+    /// The metrics of `scene`.
+    metrics: &'a Metrics,
 }
 
 /// A layout that was written, staged and verified.
@@ -279,14 +275,15 @@ struct Tried {
     written: Written,
     /// The scene that was read back.
     after: Scene,
-    /// The trees of `after`'s meshes.
-    trees: MeshTrees,
+    /// The metrics of `after`.
+    metrics: Metrics,
     verification: Verification,
     verdict: Verdict,
 }
 
 impl Tried {
-    /// Tries a layout; falls back to the unchanged input if the layout was measured faster but turns out not to be.
+    /// Tries a layout; falls back to the unchanged input if the layout was chosen for its speed but turns out not to be
+    /// faster, unless it is only smaller.
     fn or_left_alone(
         given: Given,
         chosen: Chosen,
@@ -295,7 +292,7 @@ impl Tried {
         options: &BakeOptions,
         clock: &mut Clock,
     ) -> Result<(Chosen, Tried), CommandError> {
-        let Given { doc, scene, staged, trees } = given;
+        let Given { doc, scene, staged, trees, metrics } = given;
         clock.enter(Stage::Write);
         let written = write(&doc, &staged.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
         drop(staged);
@@ -303,8 +300,10 @@ impl Tried {
         let read_back = ReadBack::new(&doc, scene, &written, output, options)?;
         // Tracing needs the memory of what will not be written again.
         let doc = can_be_left_alone(&chosen).then_some(doc);
-        let tried = Tried::new((scene, trees), written, read_back, &chosen, machine, options)?;
-        let Some(doc) = doc.filter(|_| tried.verdict == Verdict::NotFaster) else { return Ok((chosen, tried)) };
+        let input = (scene, trees, metrics);
+        let tried = Tried::new(input, written, read_back, &chosen, machine, options)?;
+        let gains = tried.verdict != Verdict::NotFaster || tried.is_smaller_and_not_slower(metrics, &options.verify);
+        let Some(doc) = doc.filter(|_| !gains) else { return Ok((chosen, tried)) };
         drop(tried);
         let chosen = chosen.left_alone(scene);
         clock.enter(Stage::Write);
@@ -312,13 +311,13 @@ impl Tried {
         clock.enter(Stage::Verify);
         let read_back = ReadBack::new(&doc, scene, &written, output, options)?;
         drop(doc);
-        let tried = Tried::new((scene, trees), written, read_back, &chosen, machine, options)?;
+        let tried = Tried::new(input, written, read_back, &chosen, machine, options)?;
         Ok((chosen, tried))
     }
 
     /// Verifies what was written against the input as it was read, before models replaced copies.
     fn new(
-        (scene, trees): (&Scene, &MeshTrees),
+        (scene, trees, before): (&Scene, &MeshTrees, &Metrics),
         written: Written,
         read_back: ReadBack,
         chosen: &Chosen,
@@ -332,7 +331,20 @@ impl Tried {
         let verify = if written.unchanged { options.verify.untimed() } else { options.verify.clone() };
         let verification = machine.verify_with(scenes, trees_of_both, exact.as_ref(), &verify)?;
         let verdict = verdict(&verification, &options.verify, written.unchanged);
-        Ok(Tried { written, after, trees: after_trees, verification, verdict })
+        let metrics = match written.unchanged {
+            true => before.clone(),
+            false => measure_with(&after, &after_trees, options.verify.build.blas_per),
+        };
+        Ok(Tried { written, after, metrics, verification, verdict })
+    }
+
+    /// Whether the acceleration structures are predicted to be smaller than the input's, and rays are not slower beyond
+    /// the uncertainty on average, or in a view beyond what is allowed.
+    fn is_smaller_and_not_slower(&self, before: &Metrics, options: &VerifyOptions) -> bool {
+        let overall = self.verification.overall(&options.weights);
+        let is_slower = overall.speedup_ratio + overall.spread_ratio < 1.0;
+        let is_slow_in_a_view = overall.least_view_ratio < options.least_view_ratio;
+        self.metrics.as_bytes() < before.as_bytes() && !is_slower && !is_slow_in_a_view
     }
 }
 
