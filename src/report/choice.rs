@@ -146,9 +146,7 @@ impl Display for Outcome {
                  {max_position_error_ratio:e} of the diagonal, or a ten-thousandth of their own",
                 instances_stay(*instances)
             ),
-            Outcome::NotFasterWhenVerified => {
-                f.write_str("the best at first, but not faster when it was verified")
-            }
+            Outcome::NotFasterWhenVerified => f.write_str("the best at first, but not faster when it was verified"),
         }
     }
 }

@@ -130,11 +130,23 @@ impl Seeker<'_> {
             let mut matches = Vec::with_capacity(cubes.len());
             for (of_before, of_after) in cubes {
                 let entries = Sides { before: &there[of_before.clone()], after: &sought[of_after.clone()] };
-                self.in_cube(entries, triangles, rule, reach, &mut matches);
+                match (entries.before, entries.after) {
+                    ([before], [after]) => matches.extend(self.alone(Sides { before, after }, triangles, rule)),
+                    _ => self.in_cube(entries, triangles, rule, reach, &mut matches),
+                }
             }
             matches
         };
         common_cubes(&there, &sought).par_chunks(CUBES).flat_map_iter(in_cubes).collect()
+    }
+
+    /// Pairs the only triangles in a cube: what most cubes hold.
+    fn alone(&self, entries: Sides<&Entry>, triangles: Sides<&[TriangleRef]>, rule: &Rule) -> Option<Match> {
+        let at = |side: Side| triangles[side][entries[side].index as usize];
+        let corners = |side: Side| self.scenes[side].world_corners(at(side));
+        let fit = fit(&corners(Side::After), &corners(Side::Before));
+        let is_partner = fit.error <= (rule.tolerance)(at(Side::Before).instance) && fit.same_side == rule.same_side;
+        is_partner.then_some(Match { after: entries.after.index, before: entries.before.index, fit })
     }
 
     /// Pairs the triangles in a cube.
