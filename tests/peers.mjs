@@ -9,6 +9,37 @@ const [modules, operation, input, output] = process.argv.slice(2);
 const { resolve } = createRequire(path.resolve(modules, 'package.json'));
 const load = (name) => import(pathToFileURL(resolve(name)));
 
+// What Blender 4 does when it imports and exports a file: names get numbers, transforms become translation, rotation and
+// scale in single precision, and vertices come in another order.
+function throughBlender(document) {
+  const root = document.getRoot();
+  for (const named of [...root.listMaterials(), ...root.listMeshes()]) named.setName(`${named.getName()}.001`);
+  for (const node of root.listNodes()) {
+    node.setTranslation(node.getTranslation().map(Math.fround));
+    node.setRotation(node.getRotation().map(Math.fround));
+    node.setScale(node.getScale().map(Math.fround));
+  }
+  for (const primitive of root.listMeshes().flatMap((mesh) => mesh.listPrimitives())) {
+    if (primitive.getMode() !== 4) continue;
+    const count = primitive.getAttribute('POSITION').getCount();
+    const backwards = (owner) => {
+      for (const semantic of owner.listSemantics()) {
+        const given = owner.getAttribute(semantic);
+        const turned = given.clone();
+        const size = given.getElementSize();
+        const from = given.getArray();
+        turned.setArray(from.map((_, i) => from[(count - 1 - Math.floor(i / size)) * size + (i % size)]));
+        owner.setAttribute(semantic, turned);
+      }
+    };
+    [primitive, ...primitive.listTargets()].forEach(backwards);
+    const indices = primitive.getIndices()?.getArray() ?? Uint32Array.from({ length: count }, (_, i) => i);
+    const buffer = root.listBuffers()[0];
+    const turned = document.createAccessor().setType('SCALAR').setBuffer(buffer);
+    primitive.setIndices(turned.setArray(indices.map((vertex) => count - 1 - vertex)));
+  }
+}
+
 const GLTFPACK = { gltfpack: [], 'gltfpack-noq': ['-noq', '-km'] };
 
 async function transform() {
@@ -18,7 +49,7 @@ async function transform() {
   const io = new NodeIO().registerExtensions(ALL_EXTENSIONS);
   const document = await io.read(input);
   document.setLogger(new Logger(Logger.Verbosity.ERROR));
-  await document.transform({ dedup, flatten, join, quantize }[operation]());
+  await document.transform({ blender: () => throughBlender, dedup, flatten, join, quantize }[operation]());
   await io.write(output, document);
 }
 

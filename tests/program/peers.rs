@@ -7,7 +7,8 @@ use crate::common::{Ran, raykiln, samples};
 use tempfile::TempDir;
 
 /// An operation of another tool, and how far it moves corners, over the scene's diagonal.
-const OPERATIONS: [(&str, &str); 6] = [
+const OPERATIONS: [(&str, &str); 7] = [
+    ("blender", "1e-6"),
     ("dedup", "1e-6"),
     ("flatten", "1e-6"),
     ("join", "1e-6"),
