@@ -12,7 +12,7 @@ use super::random::Random;
 use super::rounding::SINGLE;
 use super::view::{Stage, View};
 use super::views::{self, DEFAULT_VIEWS, PlacedView, Role, Source};
-use crate::scene::{InstanceId, Scene, TriangleRef};
+use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 
 /// A ray. Hits between `t_min` and `t_max`, in units of the direction's length and excluding both, count.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
@@ -153,8 +153,7 @@ pub fn generate_by<E>(
         return Ok(Rays { kinds: Default::default(), views: Vec::new(), radius: 0.0 });
     }
     let Sampling { rays_per_kind: count, seed, role, .. } = *sampling;
-    let mut stage = Stage::new(bounds);
-    stage.enclosed = is_enclosed(&closest(&probes(&stage, seed))?);
+    let stage = stage(bounds, &closest, seed)?;
     let placed = views::place(scene, &stage, &closest, sampling.views as usize, seed)?;
     let placed = placed.into_iter().enumerate().map(|(i, view)| (Role::of(i), view));
     let placed: Vec<(Role, PlacedView)> = placed.filter(|(of, _)| role.is_none_or(|role| role == *of)).collect();
@@ -211,6 +210,17 @@ impl Rays {
 
 fn generated(range: Range<usize>, ray: impl Fn(usize) -> Ray + Sync + Send) -> Vec<Ray> {
     range.into_par_iter().map(ray).collect()
+}
+
+/// Returns the stage of a box, which must not be empty: an interior if [`generate`] takes it for one.
+pub(crate) fn stage<E>(
+    bounds: Bounds,
+    closest: &impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
+    seed: u64,
+) -> Result<Stage, E> {
+    let mut stage = Stage::new(bounds);
+    stage.enclosed = is_enclosed(&closest(&probes(&stage, seed))?);
+    Ok(stage)
 }
 
 fn probes(stage: &Stage, seed: u64) -> Vec<Ray> {
@@ -331,10 +341,8 @@ impl Maker<'_> {
         Ray::endless(origin, direction)
     }
 
-    /// Returns a point slightly off a surface, as a ray stores it.
     fn off(&self, point: DVec3, normal: DVec3) -> DVec3 {
-        let rounding = 64.0 * SINGLE * point.abs().max_element();
-        storable(point + normal * rounding.max(OFFSET * self.stage.radius)).as_dvec3()
+        off_surface(point, normal, self.stage.radius)
     }
 
     fn random_at(&self, stream: u64, index: usize) -> Random {
@@ -344,11 +352,17 @@ impl Maker<'_> {
 
 impl Ray {
     /// Returns a ray without an end. Numbers beyond single precision are clamped to it; a zero direction becomes z.
-    pub(super) fn endless(origin: DVec3, direction: DVec3) -> Ray {
+    pub(crate) fn endless(origin: DVec3, direction: DVec3) -> Ray {
         let largest = direction.abs().max_element();
         let direction = (direction / largest).normalize_or(DVec3::Z);
         Ray { origin: storable(origin), direction: direction.as_vec3(), t_min: 0.0, t_max: f32::MAX }
     }
+}
+
+/// Returns a point slightly off a surface of a scene with a radius, as a ray stores it.
+pub(crate) fn off_surface(point: DVec3, normal: DVec3, radius: f64) -> DVec3 {
+    let rounding = 64.0 * SINGLE * point.abs().max_element();
+    storable(point + normal * rounding.max(OFFSET * radius)).as_dvec3()
 }
 
 fn storable(point: DVec3) -> Vec3 {

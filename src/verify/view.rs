@@ -118,6 +118,42 @@ impl View {
         }
     }
 
+    /// Returns an upright view from a point toward another one, with a vertical field of view in radians; `None` if the
+    /// points are equal or too far apart, a number is not finite, or the field is not between 0 and a half turn.
+    pub fn toward(name: String, eye: DVec3, target: DVec3, field: f64) -> Option<View> {
+        let back = (eye - target).try_normalize().filter(|back| back.is_finite())?;
+        let is_sound = eye.is_finite() && target.is_finite() && field > 0.0 && field < std::f64::consts::PI;
+        is_sound.then(|| View::upright(name, eye, back, field))
+    }
+
+    /// Returns the view in a picture with another aspect ratio (width over height): it shows at least the same.
+    pub fn fitted(&self, aspect_ratio: f64) -> View {
+        let mut fitted = self.clone();
+        let (Projection::Perspective { half } | Projection::Parallel { half }) = &mut fitted.projection;
+        let [x, y] = *half;
+        *half = if aspect_ratio > x / y { [y * aspect_ratio, y] } else { [x, x / aspect_ratio] };
+        fitted
+    }
+
+    /// Returns camera from world: the camera looks along -z, with y up.
+    pub fn to_camera(&self) -> DAffine3 {
+        self.transform.inverse()
+    }
+
+    /// Returns the place in the image, from -1 to 1 rightward and upward, of a point in front of the camera, in the
+    /// coordinates of [`View::to_camera`].
+    pub fn project(&self, point: DVec3) -> [f64; 2] {
+        match self.projection {
+            Projection::Perspective { half } => [point.x / (-point.z * half[0]), point.y / (-point.z * half[1])],
+            Projection::Parallel { half } => [point.x / half[0], point.y / half[1]],
+        }
+    }
+
+    /// Whether distant objects look smaller.
+    pub fn is_perspective(&self) -> bool {
+        matches!(self.projection, Projection::Perspective { .. })
+    }
+
     /// Returns the aspect ratio (width over height) of the image.
     pub fn aspect_ratio(&self) -> f64 {
         let (Projection::Perspective { half: [x, y] } | Projection::Parallel { half: [x, y] }) = self.projection;

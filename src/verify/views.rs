@@ -127,6 +127,27 @@ pub(super) fn place<E>(
     Ok(views)
 }
 
+/// Returns views of a scene that a picture may be taken from: the automatic one, then `count` viewpoints inside and
+/// around the scene that see something. The file's cameras are not among them.
+pub(crate) fn viewpoints(
+    scene: &Scene,
+    stage: &Stage,
+    closest: &impl Fn(&[Ray]) -> Vec<Option<TrueHit>>,
+    count: usize,
+    seed: u64,
+) -> Vec<View> {
+    let core = scene.core().bounds();
+    let bounds = if core.is_empty() { stage.bounds } else { core };
+    let closest = |rays: &[Ray]| Ok::<_, std::convert::Infallible>(closest(rays));
+    let placer = Placer { stage, bounds, closest: &closest, seed };
+    let placed = (0..count).map(|index| {
+        let Ok(view) = placer.viewpoint(index);
+        view.source
+    });
+    let views = placed.filter_map(|source| if let Source::View(view) = source { Some(view) } else { None });
+    [View::automatic(stage)].into_iter().chain(views).collect()
+}
+
 struct Placer<'a, C> {
     stage: &'a Stage,
     /// Box of the scene without what lies far outside it.

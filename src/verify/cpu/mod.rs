@@ -16,5 +16,5 @@ mod tests_of_arithmetic;
 
 pub use reference::{Reference, TrueHit};
 pub use search::Steps;
-pub use tracer::{ComputingTracer, CpuTracer, Precision};
+pub use tracer::{ComputingTracer, CpuTracer, Precision, Probe};
 pub use two_level::TwoLevel;

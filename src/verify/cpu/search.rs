@@ -81,7 +81,7 @@ pub(super) fn search<T: Real, X: TriangleTest<T>>(
     stacks: &mut Stacks<T>,
     enter: impl Fn(usize, &Entry) -> Option<Inside<T, X>>,
     corners: impl Fn(&Entry, &[Vec3; 3]) -> [[T; 3]; 3],
-    counts: impl Fn(&Found<T>) -> bool,
+    mut counts: impl FnMut(&Found<T>) -> bool,
 ) -> Option<Found<T>> {
     let mut best: Option<Found<T>> = None;
     let Stacks { top, bottom, steps } = stacks;

@@ -39,6 +39,17 @@ impl<'a, A: Arithmetic> Computing<'a, A> {
     }
 
     fn trace(&self, ray: &Ray, any: bool, stacks: &mut Stacks<A::Number>) -> Option<Found<A::Number>> {
+        self.trace_counting(ray, any, stacks, |_| true)
+    }
+
+    /// Like [`Computing::trace`], for the hits that `counts` accepts.
+    fn trace_counting(
+        &self,
+        ray: &Ray,
+        any: bool,
+        stacks: &mut Stacks<A::Number>,
+        counts: impl FnMut(&Found<A::Number>) -> bool,
+    ) -> Option<Found<A::Number>> {
         let scale = self.accel.scale;
         let scaled = |x: f32| A::Number::nearest(f64::from(x) * scale);
         let world = A::ray(ray.origin.as_dvec3() * scale, ray.direction.as_dvec3());
@@ -46,7 +57,7 @@ impl<'a, A: Arithmetic> Computing<'a, A> {
         let within = Interval { t_min: scaled(ray.t_min), t_max: scaled(ray.t_max), any };
         let enter = |at: usize, _: &Entry| self.ways[at].as_ref().map(|way| A::enter(way, &world));
         let corners = |_: &Entry, c: &[Vec3; 3]| c.map(|p| p.to_array().map(A::Number::from));
-        search(self.accel, &boxes, within, stacks, enter, corners, |_| true)
+        search(self.accel, &boxes, within, stacks, enter, corners, counts)
     }
 
     fn each<R: Send>(&self, rays: &[Ray], trace: impl Fn(&Ray, &mut Stacks<A::Number>) -> R + Sync) -> Vec<R> {
@@ -100,6 +111,11 @@ impl<'a> CpuTracer<'a> {
         })
     }
 
+    /// Returns what traces single rays on this thread.
+    pub fn probe(&self) -> Probe<'_> {
+        Probe { tracer: self, stacks: Stacks::new(self.0.accel) }
+    }
+
     fn hit(&self, found: &Found<f32>) -> Hit {
         Hit {
             t: (f64::from(found.t) / self.0.accel.scale) as f32,
@@ -107,6 +123,36 @@ impl<'a> CpuTracer<'a> {
             triangle: found.triangle,
             front: found.front,
         }
+    }
+}
+
+/// Traces one ray after another on one thread; allocates nothing per ray.
+pub struct Probe<'a> {
+    tracer: &'a CpuTracer<'a>,
+    stacks: Stacks<f32>,
+}
+
+impl Probe<'_> {
+    /// Returns the first hit of a ray that `counts` accepts. `counts` is asked about hits in no particular order, and only
+    /// about those nearer than the nearest one accepted so far: if it accepts none, about all of them.
+    pub fn closest(&mut self, ray: &Ray, counts: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.trace(ray, false, counts)
+    }
+
+    /// Returns a hit of a ray that `counts` accepts, not necessarily the first.
+    pub fn any(&mut self, ray: &Ray, counts: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.trace(ray, true, counts)
+    }
+
+    /// Returns the steps of the last ray.
+    pub fn steps(&self) -> Steps {
+        self.stacks.steps
+    }
+
+    fn trace(&mut self, ray: &Ray, any: bool, mut counts: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        let tracer = self.tracer;
+        let found = tracer.0.trace_counting(ray, any, &mut self.stacks, |found| counts(&tracer.hit(found)));
+        found.map(|found| tracer.hit(&found))
     }
 }
 
