@@ -36,7 +36,8 @@
 //! dependencies point one way, from later to earlier modules: [`scene`] (what a ray tracer sees), [`tree`] (trees over
 //! boxes), [`layout`] (which triangles share a BLAS), [`cost`] (metrics), [`methods`] (how layouts are made),
 //! [`mod@verify`] (traces rays through input and output), [`copies`] (meshes that are copies of others), [`emit`]
-//! (turns a layout into a document), [`choose`] (which layout to write), [`report`], [`commands`], [`lab`] and [`cli`].
+//! (turns a layout into a document), [`choose`] (which layout to write), [`render`] (pictures), [`report`],
+//! [`commands`], [`lab`] and [`cli`].
 //! The crate `raykiln-formats` reads and writes files.
 
 pub mod choose;
@@ -51,6 +52,7 @@ pub mod lab;
 pub mod layout;
 pub mod methods;
 mod parallel;
+pub mod render;
 pub mod report;
 pub mod scene;
 pub mod tree;

@@ -60,6 +60,9 @@ pub(super) enum Command {
     Verify(Box<CompareArguments>),
     /// Show what a scene contains, what it costs to trace and which vendor rules it breaks
     Inspect(InspectArguments),
+    /// Draw a picture of a scene: shaded, by group, by instance, or by the cost of its rays
+    #[command(after_help = super::render::EXAMPLES)]
+    Render(super::render::RenderArguments),
     #[cfg(feature = "lab")]
     /// Time many layouts of many scenes: fit the cost model that ranks layouts, or set errors against run time
     #[command(after_help = "docs/lab.md describes the configuration and the tables.")]
@@ -83,7 +86,7 @@ impl Command {
     /// Whether it reads scenes, and so may stage files.
     pub(super) fn reads_scenes(&self) -> bool {
         match self {
-            Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) => true,
+            Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) | Command::Render(_) => true,
             #[cfg(feature = "lab")]
             Command::Lab(_) => true,
             Command::Devices { .. } | Command::Completions { .. } | Command::Man => false,

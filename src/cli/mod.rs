@@ -8,6 +8,7 @@ mod lab;
 mod memory;
 mod plan;
 mod progress;
+mod render;
 mod reports;
 
 use std::fmt;
@@ -73,6 +74,7 @@ fn dispatch(arguments: &Arguments, matches: &ArgMatches) -> Result<ExitCode> {
         Command::Bake(bake) => run_bake(bake, matches, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
+        Command::Render(render) => render::run(render, &arguments.output),
         #[cfg(feature = "lab")]
         Command::Lab(lab) => lab::run(lab, &arguments.output),
         Command::Devices { json } => {

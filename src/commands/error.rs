@@ -37,6 +37,9 @@ pub enum CommandError {
     /// The selected device cannot trace rays.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// The picture cannot be drawn.
+    #[error(transparent)]
+    Render(#[from] crate::render::RenderError),
     /// The plan to be followed does not hold here.
     #[error(transparent)]
     Plan(#[from] PlanError),

@@ -6,6 +6,7 @@ mod error;
 mod fingerprint;
 pub mod inspect;
 pub(crate) mod measure;
+pub mod render;
 pub mod source;
 pub mod verify;
 

@@ -10,6 +10,7 @@ pub(crate) mod notes;
 mod passes;
 pub mod plan;
 mod precision;
+pub mod render;
 mod reported_options;
 mod speed;
 pub mod text;

@@ -27,6 +27,7 @@ mod lab;
 mod mutations;
 mod peers;
 mod plans;
+mod render;
 mod reports;
 mod roundtrip;
 mod samples;

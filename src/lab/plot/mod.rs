@@ -1,5 +1,5 @@
-//! Log-log charts of points, as SVG and PNG, with a font of its own: Roboto (`roboto.ttf`, Apache License 2.0), reduced
-//! to the characters used.
+//! Log-log charts of points, as SVG and PNG, with a font of its own: Roboto (`src/render/roboto.ttf`, Apache License 2.0),
+//! reduced to the characters used.
 
 mod axis;
 mod labels;
@@ -253,7 +253,7 @@ fn size() -> (u32, u32) {
 fn load_font() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        let known = register_font("sans-serif", FontStyle::Normal, include_bytes!("roboto.ttf"));
+        let known = register_font("sans-serif", FontStyle::Normal, include_bytes!("../../render/roboto.ttf"));
         assert!(known.is_ok(), "the font is sound");
     });
 }

@@ -1,0 +1,212 @@
+//! The command `render`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, ensure};
+use clap::{Args, ValueEnum};
+use raykiln_formats::staging::{Folder, Hold};
+
+use super::args::Output;
+use super::progress::Progress;
+use super::{print, print_for_people};
+use crate::commands::render::{Rendered, render};
+use crate::render::{CameraChoice, ColourMap, RenderOptions, View};
+use crate::report::json::to_json;
+
+pub(super) const EXAMPLES: &str = "Examples:
+  raykiln render conference.obj -o conference.png
+  raykiln render baked.glb -o cost.png --view heatmap --scale 200 --size 1920x1080
+  raykiln render scene.glb -o groups.png --view groups --camera 2,1.7,3,0,1,0,60
+
+docs/render.md describes the views.";
+
+#[derive(Debug, Args)]
+pub(super) struct RenderArguments {
+    /// Scene: OBJ, glTF or GLB
+    input: PathBuf,
+    /// Picture to write (.png)
+    #[arg(long, short)]
+    output: PathBuf,
+    /// What to show
+    #[arg(long, value_enum, default_value_t = ViewArgument::Shaded)]
+    view: ViewArgument,
+    /// Camera: number (from 0) or name of a camera of the file, `auto`, or an upright one by seven numbers: eye, target
+    /// and vertical field of view in degrees [default: the first of the file, else auto]
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    camera: Option<CameraChoice>,
+    /// Width and height of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    size: [u32; 2],
+    /// Samples per pixel [default: 16 for shaded, 1 for heatmap, 4 otherwise]
+    #[arg(long, value_name = "N")]
+    samples: Option<u32>,
+    /// Seed of the samples
+    #[arg(long, value_name = "N", default_value_t = RenderOptions::default().seed)]
+    seed: u64,
+    /// heatmap: colours from small to large values
+    #[arg(long, value_enum, value_name = "MAP", default_value_t = ColoursArgument::Viridis)]
+    colours: ColoursArgument,
+    /// heatmap: value with the last colour [default: a round number that few pixels exceed]
+    #[arg(long, value_name = "MAX")]
+    scale: Option<f64>,
+    /// Print what was measured as JSON on standard output
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ViewArgument {
+    /// Materials in the light of an area light, with one diffuse bounce
+    Shaded,
+    /// One colour per mesh group; neighbours differ
+    Groups,
+    /// One colour per instance; neighbours differ
+    Instances,
+    /// Traversal steps per primary ray
+    Heatmap,
+}
+
+impl From<ViewArgument> for View {
+    fn from(argument: ViewArgument) -> View {
+        match argument {
+            ViewArgument::Shaded => View::Shaded,
+            ViewArgument::Groups => View::Groups,
+            ViewArgument::Instances => View::Instances,
+            ViewArgument::Heatmap => View::Heatmap,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ColoursArgument {
+    /// Blue, cyan, yellow, red
+    Jet,
+    /// Dark blue to yellow, alike for all eyes
+    Cividis,
+    /// Dark violet to yellow
+    Viridis,
+}
+
+impl From<ColoursArgument> for ColourMap {
+    fn from(argument: ColoursArgument) -> ColourMap {
+        match argument {
+            ColoursArgument::Jet => ColourMap::Jet,
+            ColoursArgument::Cividis => ColourMap::Cividis,
+            ColoursArgument::Viridis => ColourMap::Viridis,
+        }
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    sides.ok_or_else(|| "must be two whole numbers with an x between them, such as 1280x720".into())
+}
+
+impl RenderArguments {
+    fn options(&self) -> RenderOptions {
+        RenderOptions {
+            size: self.size,
+            samples: self.samples,
+            seed: self.seed,
+            colours: self.colours.into(),
+            scale: self.scale,
+        }
+    }
+}
+
+/// Draws a picture and writes it.
+pub(super) fn run(arguments: &RenderArguments, output: &Output) -> Result<ExitCode> {
+    let file = PictureFile::check(&arguments.output, &arguments.input)?;
+    let camera = arguments.camera.clone().unwrap_or_default();
+    let mut progress = Progress::new(output.quiet);
+    let input = arguments.input.as_path().into();
+    let rendered =
+        render(input, arguments.view.into(), &camera, &arguments.options(), &mut |stage| progress.enter(stage.label()));
+    progress.finish();
+    let Rendered { png, report } = rendered?;
+    let staged = file.stage(&png)?;
+    // Printed before the picture is in place: if it fails, there must be no output.
+    if arguments.json {
+        print(to_json(&report).as_bytes())?;
+    }
+    staged.commit()?;
+    if !output.quiet {
+        print_for_people(&report.text());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The file that a picture is written to.
+struct PictureFile<'a> {
+    given: &'a Path,
+    /// The file itself if the path is a symbolic link.
+    to: PathBuf,
+}
+
+impl<'a> PictureFile<'a> {
+    /// Rejects a file that cannot be written, before any work is done.
+    fn check(given: &'a Path, input: &Path) -> Result<Self> {
+        let to = fs::canonicalize(given).unwrap_or_else(|_| given.to_owned());
+        let file = PictureFile { given, to };
+        let shown = given.display();
+        let is_png = given.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        ensure!(is_png, "{shown}: only files with the extension .png can be written");
+        ensure!(file.folder().is_dir(), "{shown}: there is no folder {}", file.folder().display());
+        ensure!(file.to.is_file() || !file.to.exists(), "{shown}: is not a regular file");
+        let is_input = fs::canonicalize(input).is_ok_and(|input| input == file.to);
+        ensure!(!is_input, "{shown}: is the scene itself");
+        Folder::new_in(file.folder()).with_context(|| format!("{shown}: its folder cannot be written to"))?;
+        Ok(file)
+    }
+
+    fn folder(&self) -> &Path {
+        self.to.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+    }
+
+    /// Writes the picture, but does not put it in place yet.
+    fn stage(self, png: &[u8]) -> Result<StagedPicture> {
+        let folder = Folder::new_in(self.folder());
+        let staged = folder.and_then(|folder| fs::write(folder.path().join("picture.png"), png).map(|()| folder));
+        let folder = staged.with_context(|| format!("{}: cannot be written", self.given.display()))?;
+        Ok(StagedPicture { folder, to: self.to })
+    }
+}
+
+/// A picture that is written but not in place. Dropping it without [`StagedPicture::commit`] removes it.
+struct StagedPicture {
+    folder: Folder,
+    to: PathBuf,
+}
+
+impl StagedPicture {
+    fn commit(self) -> Result<()> {
+        let _hold = Hold::new();
+        fs::rename(self.folder.path().join("picture.png"), &self.to)
+            .with_context(|| format!("{}: cannot be put in place", self.to.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_view_and_scale_of_colours_has_an_argument_of_its_name() {
+        let views = ViewArgument::value_variants().iter().map(|v| (View::from(*v).name(), v.to_possible_value()));
+        let maps =
+            ColoursArgument::value_variants().iter().map(|m| (ColourMap::from(*m).name(), m.to_possible_value()));
+        let all: Vec<_> = views.chain(maps).collect();
+        assert_eq!(all.len(), View::ALL.len() + ColourMap::ALL.len());
+        assert!(all.iter().all(|(name, value)| value.as_ref().is_some_and(|v| v.get_name() == *name)), "{all:?}");
+    }
+
+    #[test]
+    fn sizes_are_two_numbers() {
+        assert_eq!(size("640x360"), Ok([640, 360]));
+        for bad in ["640", "640x", "x", "-1x4", "1x2x3", "1.5x2", "99999999999x1"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,28 @@
+//! [`RenderError`].
+
+use super::camera::BadCamera;
+use super::options::{MOST_PIXELS, MOST_SAMPLES, MOST_SIDE};
+
+/// Why a picture cannot be drawn.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// There is nothing to see.
+    #[error("the scene holds no triangles")]
+    Empty,
+    /// The picture has no pixels or too many.
+    #[error("a picture of {}x{} pixels: each side must be from 1 to {MOST_SIDE}, and there may be at most {MOST_PIXELS} pixels", size[0], size[1])]
+    Size {
+        /// Width and height.
+        size: [u32; 2],
+    },
+    /// The number of samples is out of range.
+    #[error("{0} samples per pixel: the number must be from 1 to {MOST_SAMPLES}")]
+    Samples(u32),
+    /// The end of the scale is not a positive number.
+    #[error("the scale must end at a finite number above 0, not at {0}")]
+    Scale(f64),
+    /// The camera shows nothing.
+    #[error(transparent)]
+    Camera(#[from] BadCamera),
+}

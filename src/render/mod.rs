@@ -1,0 +1,187 @@
+//! Pictures of a scene: how it looks, which triangles share a group, and what it costs to trace.
+//!
+//! A [`Renderer`] is built once per scene and draws any number of pictures of it, on the CPU. A [`Camera`] belongs to no
+//! scene, so the input and the output of a bake can be seen by the same one. Each pixel depends on its position, the
+//! seed and the options alone: pictures have the same bytes for any number of threads.
+//!
+//! ```
+//! use raykiln::render::{CameraChoice, Costs, RenderOptions, Renderer, View};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let document = raykiln_formats::read(std::path::Path::new("samples/overlapping/scene.glb"))?;
+//! let (scene, _) = raykiln::scene::load(&document, &Default::default())?;
+//! let renderer = Renderer::new(&document, &scene)?;
+//! let camera = renderer.camera(&CameraChoice::Default)?;
+//! let options = RenderOptions { size: [64, 36], ..RenderOptions::default() };
+//! let picture = renderer.picture(View::Groups, &camera, &options)?;
+//! assert_eq!(picture.pixels.len(), 3 * 64 * 36);
+//! assert!(picture.png().starts_with(b"\x89PNG"));
+//!
+//! // Two heat maps on one scale.
+//! let costs = [renderer.costs(&camera, &options)?, renderer.costs(&camera, &options)?];
+//! let scale = Costs::scale(&[&costs[0], &costs[1]]);
+//! let pictures = costs.map(|costs| costs.picture(options.colours, scale));
+//! # assert_eq!(pictures[0].pixels, pictures[1].pixels);
+//! # Ok(())
+//! # }
+//! ```
+
+mod camera;
+mod colour;
+mod costs;
+mod error;
+mod flat;
+mod frame;
+mod legend;
+mod look;
+mod material;
+mod options;
+mod palette;
+mod picture;
+mod shade;
+mod surface;
+mod text;
+mod texture;
+
+pub use camera::{BadCamera, Camera, CameraChoice};
+pub use colour::ColourMap;
+pub use costs::{Costs, MeanSteps};
+pub use error::RenderError;
+pub use options::{MOST_PIXELS, MOST_SAMPLES, MOST_SIDE, RenderOptions};
+pub use picture::{Picture, Statistics, Values};
+pub use texture::BadImage;
+
+use std::sync::OnceLock;
+
+use raykiln_formats::Document;
+
+use crate::cost::mesh_trees::MeshTrees;
+use crate::scene::{Bounds, Scene};
+use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
+use crate::verify::rays::{self, Ray};
+use crate::verify::view::Stage;
+use frame::Frame;
+use look::Looks;
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum View {
+    /// The surfaces with their materials in the light of an area light, with one diffuse bounce.
+    #[default]
+    Shaded,
+    /// The mesh groups, each in a colour of its own; neighbours differ.
+    Groups,
+    /// The instances, each in a colour of its own; neighbours differ.
+    Instances,
+    /// The number of traversal steps per primary ray.
+    Heatmap,
+}
+
+impl View {
+    /// All views of one scene, in the order of their declaration.
+    pub const ALL: [View; 4] = [View::Shaded, View::Groups, View::Instances, View::Heatmap];
+
+    /// Returns the name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            View::Shaded => "shaded",
+            View::Groups => "groups",
+            View::Instances => "instances",
+            View::Heatmap => "heatmap",
+        }
+    }
+
+    /// Returns the default number of samples per pixel.
+    pub fn default_samples(self) -> u32 {
+        match self {
+            View::Shaded => 16,
+            View::Groups | View::Instances => 4,
+            View::Heatmap => 1,
+        }
+    }
+}
+
+/// Draws pictures of a scene.
+pub struct Renderer<'a> {
+    doc: &'a Document,
+    scene: &'a Scene,
+    accel: TwoLevel,
+    stage: Stage,
+    /// Loaded when the first picture needs them.
+    looks: OnceLock<Looks<'a>>,
+}
+
+impl<'a> Renderer<'a> {
+    /// Builds the trees of a scene that was loaded from a document.
+    ///
+    /// # Errors
+    /// [`RenderError::Empty`] if no ray can hit anything.
+    pub fn new(doc: &'a Document, scene: &'a Scene) -> Result<Renderer<'a>, RenderError> {
+        Renderer::with_trees(doc, scene, &MeshTrees::default())
+    }
+
+    /// Like [`Renderer::new`], with trees of the scene's meshes that are known already.
+    ///
+    /// # Errors
+    /// See [`Renderer::new`].
+    pub fn with_trees(doc: &'a Document, scene: &'a Scene, trees: &MeshTrees) -> Result<Renderer<'a>, RenderError> {
+        let core = scene.core().bounds();
+        let bounds = if core.is_empty() { scene.bounds() } else { core };
+        if bounds.is_empty() {
+            return Err(RenderError::Empty);
+        }
+        let accel = TwoLevel::build_with(scene, trees);
+        let stage = stage(&accel, bounds);
+        Ok(Renderer { doc, scene, accel, stage, looks: OnceLock::new() })
+    }
+
+    /// Draws a picture.
+    ///
+    /// # Errors
+    /// Options out of range, see [`RenderError`].
+    pub fn picture(&self, view: View, camera: &Camera, options: &RenderOptions) -> Result<Picture, RenderError> {
+        let frame = Frame::new(view, camera, options)?;
+        Ok(match view {
+            View::Shaded => shade::picture(self, &frame),
+            View::Groups => flat::picture(self, &frame, &palette::of_groups(self.scene)),
+            View::Instances => flat::picture(self, &frame, &palette::of_instances(self.scene)),
+            View::Heatmap => {
+                let costs = costs::count(self, &frame);
+                let scale = options.scale.unwrap_or_else(|| Costs::scale(&[&costs]));
+                costs.picture(options.colours, scale)
+            }
+        })
+    }
+
+    /// Counts the traversal steps of the primary rays of each pixel: the data of [`View::Heatmap`].
+    ///
+    /// # Errors
+    /// See [`Renderer::picture`].
+    pub fn costs(&self, camera: &Camera, options: &RenderOptions) -> Result<Costs, RenderError> {
+        Ok(costs::count(self, &Frame::new(View::Heatmap, camera, options)?))
+    }
+
+    /// Returns the images that could not be read or decoded when a picture needed them; surfaces with them are drawn as
+    /// if they had none.
+    pub fn bad_images(&self) -> &[BadImage] {
+        self.looks.get().map_or(&[], Looks::bad_images)
+    }
+
+    fn tracer(&self) -> CpuTracer<'_> {
+        CpuTracer::new(&self.accel)
+    }
+
+    fn looks(&self) -> &Looks<'a> {
+        self.looks.get_or_init(|| Looks::of(self.doc, self.scene))
+    }
+}
+
+/// Seed of what does not depend on [`RenderOptions::seed`]: whether the scene is an interior, and automatic cameras.
+const SEED: u64 = 1;
+
+fn stage(accel: &TwoLevel, bounds: Bounds) -> Stage {
+    let reference = Reference::new(accel);
+    let closest = |rays: &[Ray]| Ok::<_, std::convert::Infallible>(reference.closest(rays));
+    let Ok(stage) = rays::stage(bounds, &closest, SEED);
+    stage
+}
