@@ -199,6 +199,12 @@ impl Attribute<'_> {
 }
 
 impl Document {
+    /// Returns the size of the file that the document was read from and of the buffer files that it refers to, in bytes;
+    /// `None` if one of them cannot be looked at again.
+    pub fn file_bytes(&self) -> Option<u64> {
+        crate::gltf::write::file_bytes(self)
+    }
+
     /// Returns the checked, typed view of this document's default scene.
     ///
     /// # Errors

@@ -113,7 +113,7 @@ pub(super) struct CompareArguments {
     /// How to match the triangles of both files
     #[arg(long = "match", value_enum, value_name = "BY", default_value_t = MatchArgument::Auto)]
     pub(super) match_by: MatchArgument,
-    /// Also write the report to FILE (.json); may be repeated
+    /// Also write the report to FILE (.json, or .html for a page with charts); may be repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
     /// Print JSON instead of text
@@ -139,7 +139,7 @@ pub(super) struct BakeArguments {
     /// auto: device class to predict for when no GPU is available
     #[arg(long, value_enum, default_value_t = ClassArgument::NoRtCores)]
     device_class: ClassArgument,
-    /// Also write a report to FILE (.json); may be repeated
+    /// Also write a report to FILE (.json, or .html for a page with charts); may be repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
     /// Print the report as JSON on standard output
@@ -345,7 +345,7 @@ enum BlasPerArgument {
 pub(super) struct InspectArguments {
     /// Scene: OBJ, glTF or GLB
     pub(super) input: PathBuf,
-    /// Also write the report to FILE (.json); may be repeated
+    /// Also write the report to FILE (.json, or .html for a page with charts); may be repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
     /// Print JSON instead of text
@@ -431,6 +431,7 @@ impl BakeArguments {
     pub(super) fn options(&self) -> Result<BakeOptions> {
         let l = &self.layout;
         Ok(BakeOptions {
+            show: false,
             choose: ChooseOptions {
                 method: self.method.into(),
                 effort: Effort::new(self.effort),

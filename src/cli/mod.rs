@@ -93,7 +93,7 @@ fn dispatch(arguments: &Arguments, matches: &ArgMatches) -> Result<ExitCode> {
 
 fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) -> Result<ExitCode> {
     let bake_matches = matches.subcommand_matches("bake").context("it is a bake")?;
-    let options: BakeOptions = match &arguments.plan {
+    let mut options: BakeOptions = match &arguments.plan {
         Some(file) => plan::follow(file, arguments, bake_matches)?,
         None => {
             let options = arguments.options()?;
@@ -102,19 +102,20 @@ fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) ->
         }
     };
     let reports = Reports::check(&arguments.report, &[&arguments.input, &arguments.output])?;
+    options.show = reports.have_page();
     let plans = Reports::check_plan(&arguments.write_plan, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);
     let baked = bake::bake(arguments.input.as_path().into(), &arguments.output, &options, &mut |stage| {
         progress.enter(stage.label())
     });
     progress.finish();
-    let Baked { report, output: scene, hashes, device } = baked?;
+    let Baked { report, output: scene, hashes, device, shown } = baked?;
     let json = report::json::to_json(&report);
     let plan = hashes.filter(|_| scene.is_some()).map(|hashes| {
         let plan = PlanFile::of(&report, &hashes, device, plan::options(bake_matches));
-        plans.stage(&report::json::to_json(&plan))
+        plans.stage(&report::json::to_json(&plan), String::new)
     });
-    let staged = [Some(reports.stage(&json)?), plan.transpose()?];
+    let staged = [Some(reports.stage(&json, || report::html::bake(&report, shown.as_ref()))?), plan.transpose()?];
     // Printed before anything is in place: if it fails, there must be no output.
     if arguments.json {
         print(json.as_bytes())?;
@@ -145,11 +146,12 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     let mut progress = Progress::new(output.quiet);
     progress.enter("verifying");
     let by = arguments.match_by.into();
-    let report = verify::compare(&arguments.before, &arguments.after, by, &arguments.verify.options());
+    let options = arguments.verify.options();
+    let compared = verify::compare_and_show(&arguments.before, &arguments.after, by, &options, reports.have_page());
     progress.finish();
-    let report = report?;
+    let (report, shown) = compared?;
     let json = report::json::to_json(&report);
-    let reports = reports.stage(&json)?;
+    let reports = reports.stage(&json, || report::html::verify(&report, shown.as_ref()))?;
     if arguments.json {
         print(json.as_bytes())?;
     } else if !output.quiet {
@@ -170,11 +172,11 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
     let load = LoadOptions { strict: arguments.strict, keep: Vec::new() };
-    let report = inspect::inspect(arguments.input.as_path().into(), &load);
+    let inspected = inspect::inspect_and_show(arguments.input.as_path().into(), &load, reports.have_page());
     progress.finish();
-    let report = report?;
+    let (report, shown) = inspected?;
     let json = report::json::to_json(&report);
-    let reports = reports.stage(&json)?;
+    let reports = reports.stage(&json, || report::html::inspect(&report, shown.as_ref()))?;
     if arguments.json {
         print(json.as_bytes())?
     } else {

@@ -16,25 +16,32 @@ pub(super) struct Reports<'a> {
 impl<'a> Reports<'a> {
     /// Rejects files that cannot be written, before any work is done. `taken` are the command's other files.
     pub(super) fn check(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
-        Reports::check_option("--report", files, taken)
+        Reports::check_option("--report", files, &["json", "html"], taken)
     }
 
     /// Rejects a plan that cannot be written.
     pub(super) fn check_plan(file: &'a Option<PathBuf>, taken: &[&Path]) -> Result<Self> {
-        Reports::check_option("--write-plan", file.as_slice(), taken)
+        Reports::check_option("--write-plan", file.as_slice(), &["json"], taken)
     }
 
-    fn check_option(option: &'static str, files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
+    fn check_option(option: &'static str, files: &'a [PathBuf], extensions: &[&str], taken: &[&Path]) -> Result<Self> {
         for file in files {
-            check(file, taken).with_context(|| format!("{option} {}", file.display()))?;
+            check(file, extensions, taken).with_context(|| format!("{option} {}", file.display()))?;
         }
         Ok(Reports { option, files })
     }
 
-    /// Writes a report to all files, but does not put them in place yet.
-    pub(super) fn stage(&self, json: &str) -> Result<StagedReports> {
+    /// Whether a file is to be a page.
+    pub(super) fn have_page(&self) -> bool {
+        self.files.iter().any(|file| is_page(file))
+    }
+
+    /// Writes a report to all files, but does not put them in place yet. `page` is called if a file is to be a page.
+    pub(super) fn stage(&self, json: &str, page: impl FnOnce() -> String) -> Result<StagedReports> {
+        let page = self.have_page().then(page).unwrap_or_default();
         let stage = |file: &PathBuf| {
-            let staged = Staged::new(file).and_then(|staged| fs::write(&staged.from, json).map(|()| staged));
+            let text = if is_page(file) { &page } else { json };
+            let staged = Staged::new(file).and_then(|staged| fs::write(&staged.from, text).map(|()| staged));
             staged.with_context(|| format!("{} {}: cannot be written", self.option, file.display()))
         };
         Ok(StagedReports(self.files.iter().map(stage).collect::<Result<_>>()?))
@@ -71,9 +78,9 @@ impl Staged {
     }
 }
 
-fn check(file: &Path, taken: &[&Path]) -> Result<()> {
-    let is_json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-    ensure!(is_json, "only files with the extension .json can be written");
+fn check(file: &Path, extensions: &[&str], taken: &[&Path]) -> Result<()> {
+    let is_known = extensions.iter().any(|extension| has_extension(file, extension));
+    ensure!(is_known, "only files with the extension .{} can be written", extensions.join(" or ."));
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "there is no folder {}", folder.display());
     ensure!(!file.is_dir(), "is a folder");
@@ -82,6 +89,15 @@ fn check(file: &Path, taken: &[&Path]) -> Result<()> {
     ensure!(!taken.iter().any(|other| self::place(other) == place), "is the scene itself");
     Staged::new(file).with_context(|| format!("the folder {} cannot be written to", folder.display()))?;
     Ok(())
+}
+
+fn has_extension(file: &Path, extension: &str) -> bool {
+    file.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
+/// Whether a report is written to a file as a page.
+fn is_page(file: &Path) -> bool {
+    has_extension(file, "html")
 }
 
 /// The file that a path leads to, whether it exists or not.

@@ -8,6 +8,7 @@ use raykiln_formats::Document;
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::commands::{CommandError, fingerprint};
 use crate::cost::mesh_trees::MeshTrees;
+use crate::report::html::Shown;
 use crate::report::notes::EQUAL_FILES;
 use crate::report::{Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
@@ -34,6 +35,20 @@ pub fn compare(
     by: MatchBy,
     options: &VerifyOptions,
 ) -> Result<VerifyReport, CommandError> {
+    compare_and_show(before, after, by, options, false).map(|(report, _)| report)
+}
+
+/// Like [`compare`]; also gathers what a page shows of the scenes, if asked for.
+///
+/// # Errors
+/// Like [`compare`].
+pub fn compare_and_show(
+    before: &Path,
+    after: &Path,
+    by: MatchBy,
+    options: &VerifyOptions,
+    show: bool,
+) -> Result<(VerifyReport, Option<Shown>), CommandError> {
     let start = Instant::now();
     let machine = Machine::open(&options.device)?;
     let Loaded { doc: doc_before, scene: scene_before, warnings: warnings_before, hash } = load(before)?;
@@ -43,6 +58,7 @@ pub fn compare(
     let options = if is_same { options.untimed() } else { options.clone() };
     let options = VerifyOptions { matching, ..options };
     let scenes = Sides { before: &scene_before, after: &scene_after };
+    let [bytes_before, bytes_after] = [&doc_before, &doc_after].map(Document::file_bytes);
     let exact = Exact::of_files(Sides { before: &doc_before, after: &doc_after }, scenes, None, &options)?;
     // Tracing needs the memory.
     drop((doc_before, doc_after));
@@ -56,11 +72,12 @@ pub fn compare(
     let profiles = per_primitive_note(blas_per, scenes, Sides { before: &metrics_before, after: &metrics_after });
     let untimed = is_same.then(|| EQUAL_FILES.to_owned());
     let notes = verification.notes.iter().map(ToString::to_string).chain(profiles).chain(untimed).collect();
-    Ok(VerifyReport {
+    let report = VerifyReport {
         schema: VerifyReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
-        input: Input::of(before.to_owned(), &scene_before),
+        input: Input::of(before.to_owned(), bytes_before, &scene_before),
         output: after.to_owned(),
+        output_bytes: bytes_after,
         blas_per,
         before: metrics_before,
         after: metrics_after,
@@ -71,7 +88,8 @@ pub fn compare(
         verify: verification,
         seconds: start.elapsed().as_secs_f64(),
         warnings: [warnings_before, warnings_after].concat(),
-    })
+    };
+    Ok((report, show.then(|| Shown::of_both(&scene_before, &scene_after))))
 }
 
 /// A file that was read.

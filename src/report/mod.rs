@@ -5,6 +5,7 @@ mod choice;
 mod contents;
 mod devices;
 mod findings;
+pub mod html;
 pub mod json;
 pub(crate) mod notes;
 mod passes;
@@ -93,6 +94,8 @@ pub struct BakeReport {
 pub struct Input {
     /// The file.
     pub path: PathBuf,
+    /// Its size with its buffers, without images in files of their own; `None` if the file cannot be looked at again.
+    pub bytes: Option<u64>,
     /// Triangles stored.
     pub triangles: u64,
     /// Vertices stored.
@@ -215,6 +218,8 @@ pub struct VerifyReport {
     pub input: Input,
     /// The file that was verified.
     pub output: PathBuf,
+    /// Its size, as [`Input::bytes`].
+    pub output_bytes: Option<u64>,
     /// What counts as one BLAS in `before` and `after`.
     pub blas_per: BlasPer,
     /// Metrics of the input's layout.
@@ -371,10 +376,11 @@ impl Candidate {
 
 impl Input {
     /// Counts what a scene consists of.
-    pub fn of(path: PathBuf, scene: &Scene) -> Input {
+    pub fn of(path: PathBuf, bytes: Option<u64>, scene: &Scene) -> Input {
         let geometries = || scene.meshes.iter().flat_map(|m| &m.geometries);
         Input {
             path,
+            bytes,
             triangles: scene.triangles_stored(),
             vertices: geometries().map(|g| g.positions.len() as u64).sum(),
             objects: scene.objects(),

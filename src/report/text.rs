@@ -347,7 +347,7 @@ mod tests {
     fn the_reading_error_follows_the_counts() {
         let error = ReadingError { max: 2.5e-8, ratio_of_object: 3e-8, object: "cup".into() };
         let scene = crate::scene::Scene::default();
-        let input = Input { reading_error: Some(error), ..Input::of("scene.obj".into(), &scene) };
+        let input = Input { reading_error: Some(error), ..Input::of("scene.obj".into(), None, &scene) };
         let line = "reading error: at most 2.5e-8 units; at most 3.0e-8 of an object's own size (`cup`)\n";
         assert!(input_line(&input).ends_with(&format!("0 instances\n{line}")), "{}", input_line(&input));
         assert!(!input_line(&Input { reading_error: None, ..input }).contains("error"));

@@ -253,7 +253,7 @@ fn a_report_that_cannot_be_written_is_refused_before_any_output() {
         ("nowhere/report.json", "there is no folder"),
         ("folder.json", "is a folder"),
         ("file/report.json", "there is no folder"),
-        ("report.html", "only files with the extension .json"),
+        ("report.txt", "only files with the extension .json or .html"),
     ];
     if cfg!(target_os = "linux") {
         cases.push(("/proc/report.json", "the folder /proc cannot be written to"));

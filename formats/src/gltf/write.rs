@@ -83,6 +83,16 @@ pub(crate) fn stage_unchanged(doc: &Document, out: &Path) -> Result<Staged, Erro
     Ok(staged)
 }
 
+/// Returns the size of the document's file and of the buffer files that it refers to, in bytes.
+pub(crate) fn file_bytes(doc: &Document) -> Option<u64> {
+    if let Some(bytes) = &doc.in_memory {
+        return Some(bytes.len() as u64);
+    }
+    let buffers = references(doc, "buffers").ok()?;
+    let files = std::iter::once(&doc.path).chain(buffers.iter().map(|reference| &reference.file));
+    files.map(|file| fs::metadata(file).ok().map(|metadata| metadata.len())).sum()
+}
+
 /// Returns the kind of file for the extension of `out`.
 fn kind_of(out: &Path) -> Result<Kind, Error> {
     match out.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase).as_deref() {

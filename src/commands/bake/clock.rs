@@ -17,6 +17,8 @@ pub enum Stage {
     Write,
     /// Reading the output back and tracing rays through input and output.
     Verify,
+    /// Gathering what a page shows of the scenes; not part of the bake's time.
+    Show,
 }
 
 impl Stage {
@@ -28,6 +30,7 @@ impl Stage {
             Stage::Optimise => "choosing a layout",
             Stage::Write => "writing",
             Stage::Verify => "verifying",
+            Stage::Show => "drawing the page",
         }
     }
 }
@@ -59,6 +62,8 @@ impl<'a> Clock<'a> {
             Stage::Optimise => &mut self.seconds.optimise,
             Stage::Write => &mut self.seconds.write,
             Stage::Verify => &mut self.seconds.verify,
+            // Not part of the bake.
+            Stage::Show => return self.started += since.elapsed(),
         };
         *sum += since.elapsed().as_secs_f64();
     }

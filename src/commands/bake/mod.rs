@@ -22,6 +22,7 @@ use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
+use crate::report::html::Shown;
 use crate::report::plan::{Hashes, PlannedDevice};
 use crate::report::{self, BakeReport, Input, MethodReport, Pass, ReportedOptions, Seconds, Speed};
 use crate::scene::{self, LoadOptions, Scene};
@@ -48,6 +49,8 @@ pub struct BakeOptions {
     pub verify: VerifyOptions,
     /// Whether a plan is written or followed; one that is followed has its decision in `choose`.
     pub plan: PlanUse,
+    /// Whether to gather what a page shows of the scenes ([`Baked::shown`]).
+    pub show: bool,
 }
 
 /// Whether a bake writes a plan or follows one.
@@ -113,6 +116,8 @@ pub struct Baked {
     pub hashes: Option<Hashes>,
     /// The device that rays were traced on.
     pub device: PlannedDevice,
+    /// What a page shows of the scenes, if asked for.
+    pub shown: Option<Shown>,
 }
 
 /// Bakes `input`; the result replaces `output` once it is committed. If the verification fails, the report says so and
@@ -147,21 +152,25 @@ pub fn bake(
     let chosen = chosen.ok_or_else(|| no_candidate(options))?;
     let seconds = optimising.elapsed().as_secs_f64();
     let copies_are_placed = copies::are_placed(&staged, &chosen.layout);
-    let (path, warnings) = (doc.path.clone(), [scene_warnings, doc.warnings.clone()].concat());
+    let (path, bytes, warnings) = (doc.path.clone(), doc.file_bytes(), [scene_warnings, doc.warnings.clone()].concat());
     let given = Given { doc, scene: &scene, staged, trees: &trees, metrics: &before };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
     let copies = sharing.map(|(sharing, seconds)| {
         Pass::find_copies(&copies::as_written(sharing, tried.written.unchanged, copies_are_placed), seconds)
     });
     let hashes = input_hash.map(|input| planned(input, &tried.written.staged, &options.plan)).transpose()?;
-    let input = Input::of(path, &scene);
+    let input = Input::of(path, bytes, &scene);
+    let shown = options.show.then(|| {
+        clock.enter(Stage::Show);
+        if tried.written.unchanged { Shown::of(&scene) } else { Shown::of_both(&scene, &tried.after) }
+    });
     let done = Done { input, output, scene: &scene, warnings, before, copies, chosen, seconds, tried, options };
     let (name, kind) = machine.name();
     let (mut report, staged) = done.report(kind);
     report.seconds = clock.stop();
     report.peak_memory_bytes = clock::peak_memory_bytes();
     let output = (report.verdict != Verdict::Failed).then_some(staged);
-    Ok(Baked { report, output, hashes, device: PlannedDevice::new(name, kind, machine.driver()) })
+    Ok(Baked { report, output, hashes, device: PlannedDevice::new(name, kind, machine.driver()), shown })
 }
 
 /// What a bake did, of which its report is made.

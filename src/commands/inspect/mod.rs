@@ -5,6 +5,7 @@ mod rules;
 use crate::commands::measure::measure_as_is;
 use crate::commands::source::Source;
 use crate::cost::overlap::{self, Pair};
+use crate::report::html::Shown;
 use crate::report::{Input, InspectReport, OverlappingPair};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::sight::DeviceError;
@@ -17,20 +18,33 @@ const WORST: usize = 10;
 /// # Errors
 /// Fails if the input cannot be read.
 pub fn inspect(source: Source, options: &LoadOptions) -> Result<InspectReport, raykiln_formats::Error> {
+    inspect_and_show(source, options, false).map(|(report, _)| report)
+}
+
+/// Like [`inspect`]; also gathers what a page shows of the scene, if asked for.
+///
+/// # Errors
+/// Like [`inspect`].
+pub fn inspect_and_show(
+    source: Source,
+    options: &LoadOptions,
+    show: bool,
+) -> Result<(InspectReport, Option<Shown>), raykiln_formats::Error> {
     let doc = source.read()?;
     let (scene, warnings) = scene::load(&doc, options)?;
     let worst_pairs = worst_pairs_of(&scene);
-    Ok(InspectReport {
+    let report = InspectReport {
         schema: InspectReport::SCHEMA,
         raykiln_version: env!("CARGO_PKG_VERSION"),
-        input: Input::of(doc.path.clone(), &scene),
+        input: Input::of(doc.path.clone(), doc.file_bytes(), &scene),
         before: measure_as_is(&scene),
         rules_checked: rules::CHECKED.to_vec(),
         findings: rules::findings(&scene, &worst_pairs),
         worst_pairs,
         device_error: DeviceError::of(&scene),
         warnings: doc.warnings.iter().chain(&warnings).map(ToString::to_string).collect(),
-    })
+    };
+    Ok((report, show.then(|| Shown::of(&scene))))
 }
 
 /// The pairs of instances of the scene's core that overlap most, worst first.
