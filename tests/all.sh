@@ -30,31 +30,44 @@ has_node() {
   command -v node >/dev/null && command -v npm >/dev/null
 }
 
-has_validator() {
+has_packages() {
   [ -d target/npm/node_modules/gltf-validator ] && cmp -s tests/package-lock.json target/npm/package-lock.json
+}
+
+has_chromium() {
+  command -v chromium >/dev/null
 }
 
 # Lists what the tests need and this machine lacks, one per line, with what `--install` does about it.
 missing() {
   has_node || echo "Node.js and npm: apt-get install nodejs npm"
-  has_validator || echo "the Khronos glTF validator: npm ci, into target/npm"
+  has_packages || echo "the Khronos glTF validator, Playwright and other packages of tests/package.json: npm ci, into target/npm"
+  has_chromium || echo "chromium: apt-get install chromium"
   sh tests/install_vulkan.sh --missing
 }
 
-install_node() {
-  has_node && return
+# install_debian PACKAGE...: installs packages of the system.
+install_debian() {
   local as_root=()
   [ "$(id -u)" -eq 0 ] || as_root=(sudo)
-  "${as_root[@]}" apt-get update && "${as_root[@]}" apt-get install -y --no-install-recommends nodejs npm
+  "${as_root[@]}" apt-get update && "${as_root[@]}" apt-get install -y --no-install-recommends "$@"
 }
 
-install_validator() {
-  has_validator && return
+install_node() {
+  has_node || install_debian nodejs npm
+}
+
+install_chromium() {
+  has_chromium || install_debian chromium
+}
+
+install_packages() {
+  has_packages && return
   mkdir -p target/npm && cp tests/package.json tests/package-lock.json target/npm/ && (cd target/npm && npm ci)
 }
 
 install_missing() {
-  install_node && install_validator && node --version && sh tests/install_vulkan.sh
+  install_node && install_packages && install_chromium && node --version && sh tests/install_vulkan.sh
 }
 
 # Checks each feature alone, and none: the library, the tests, the examples and, with `cli`, the program.

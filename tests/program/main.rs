@@ -25,6 +25,7 @@ mod instancing;
 #[cfg(feature = "lab")]
 mod lab;
 mod mutations;
+mod page;
 mod peers;
 mod plans;
 mod render;
