@@ -4,7 +4,7 @@
 
 use fastrand::Rng;
 use glam::{DAffine3, DQuat, DVec3, dvec3};
-use raykiln::copies::{self, Likeness, Options};
+use raykiln::copies::{self, Likeness, Materials, Options};
 use raykiln::scene::{self, LoadOptions};
 use raykiln_formats::Document;
 use raykiln_formats::document::Kind;
@@ -34,7 +34,12 @@ fn main() {
     for class in CLASSES {
         let doc = document(&class, count);
         let (scene, _) = scene::load(&doc, &LoadOptions::default()).expect("the document is sound");
-        let options = Options { likeness: Likeness::Rigid, max_position_error_ratio: 1e-6, least_saved_bytes: 0 };
+        let options = Options {
+            likeness: Likeness::Rigid,
+            materials: Materials::Same,
+            max_position_error_ratio: 1e-6,
+            least_saved_bytes: 0,
+        };
         let start = Instant::now();
         let found = copies::find(&doc, &scene, &options);
         println!("{count} {:<24} {:6.2} s, {} copies", class.name, start.elapsed().as_secs_f64(), found.list.len());

@@ -7,6 +7,7 @@ mod fingerprint;
 pub mod inspect;
 pub(crate) mod measure;
 pub mod render;
+pub(crate) mod rules;
 pub mod source;
 pub mod verify;
 

@@ -46,6 +46,23 @@ pub const TURNED: f64 = 5e-4;
 /// Number of models that a mesh is aligned with in vain before it counts as a model itself.
 pub const MOST_ATTEMPTS: u32 = 16;
 
+/// Share of the input's predicted bytes of acceleration structures that sharing copies must save to be worth it.
+pub const LEAST_SAVED_RATIO: f64 = 0.05;
+
+/// Bytes that `auto` must save besides: what devices allocate at least at a time (rule RK009 of `inspect`).
+pub const LEAST_SAVED_BYTES: u64 = 64 << 10;
+
+/// Whether the materials of a copy matter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Materials {
+    /// They must be those of its model.
+    #[default]
+    Same,
+    /// They may differ, with the properties of the primitive: the meshes have the same shape. Such copies cannot stand in
+    /// for each other.
+    Any,
+}
+
 /// Which copies to search for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Likeness {
@@ -61,6 +78,8 @@ pub enum Likeness {
 pub struct Options {
     /// Which copies to search for.
     pub likeness: Likeness,
+    /// Whether materials matter.
+    pub materials: Materials,
     /// How far a vertex may move, relative to the diagonal of the scene. Never more than a ten-thousandth of the mesh's
     /// own size or, if coordinates are so large that single precision is coarser, than this ratio of them, up to a
     /// hundredth of its size.
@@ -135,14 +154,15 @@ pub fn find_exact_among(
     left_out.iter().for_each(|copy| narrowed[copy.model.0 as usize] = Role::Model);
     let roles = roles(doc, scene);
     left_out.iter().map(|copy| copy.mesh.0 as usize).for_each(|mesh| narrowed[mesh] = roles[mesh]);
-    let options = Options { likeness: Likeness::Exact, max_position_error_ratio, least_saved_bytes: 0 };
+    let materials = Materials::Same;
+    let options = Options { likeness: Likeness::Exact, materials, max_position_error_ratio, least_saved_bytes: 0 };
     find_as(doc, scene, &narrowed, &options)
 }
 
 fn find_as(doc: &Document, scene: &Scene, roles: &[Role], options: &Options) -> Copies {
     let too_few = |most: u64| (most < options.least_saved_bytes).then_some(most);
     let none = |most_saved_bytes| Copies { list: Vec::new(), most_saved_bytes };
-    let alike = alike(scene, roles);
+    let alike = alike(scene, roles, options.materials);
     if let most @ Some(_) = too_few(alike.iter().map(|meshes| most_saved(scene, meshes)).sum()) {
         return none(most);
     }
@@ -228,10 +248,10 @@ fn connected(scene: &Scene) -> Vec<bool> {
 }
 
 /// Groups meshes with equal numbers of triangles of each material and kind; omits groups of one.
-fn alike(scene: &Scene, roles: &[Role]) -> Vec<Vec<MeshId>> {
+fn alike(scene: &Scene, roles: &[Role], materials: Materials) -> Vec<Vec<MeshId>> {
     let mut counts: BTreeMap<u64, Vec<MeshId>> = BTreeMap::new();
     for (i, mesh) in (0u32..).zip(scene.meshes.iter()).filter(|(i, _)| roles[*i as usize] != Role::None) {
-        counts.entry(signature::coarse_key(mesh)).or_default().push(MeshId(i));
+        counts.entry(signature::coarse_key(mesh, materials)).or_default().push(MeshId(i));
     }
     counts.into_values().filter(|meshes| meshes.len() > 1).collect()
 }
@@ -304,7 +324,7 @@ impl Search<'_> {
             if alike.is_empty() {
                 continue;
             }
-            let model = Shape::new(self.doc, self.scene, group[at].mesh);
+            let model = Shape::new(self.doc, self.scene, group[at].mesh, self.options.materials);
             let distances = model.distances();
             let found: Vec<Option<CopiedMesh>> =
                 alike.par_iter().map(|&other| self.copy((&model, &distances), &group[at], &group[other])).collect();
@@ -323,7 +343,7 @@ impl Search<'_> {
     }
 
     fn copy(&self, (model, distances): (&Shape, &[f64]), of: &Signature, other: &Signature) -> Option<CopiedMesh> {
-        let shape = Shape::new(self.doc, self.scene, other.mesh);
+        let shape = Shape::new(self.doc, self.scene, other.mesh, self.options.materials);
         let at = other.mesh.0 as usize;
         let may_move = self.roles[at] == Role::Any && !self.connected[at];
         let moves = self.options.likeness == Likeness::Rigid && may_move;

@@ -7,12 +7,13 @@ use raykiln_formats::Document;
 use raykiln_formats::document::Attribute;
 use rustc_hash::FxHasher;
 
-use super::TURNED;
+use super::{Materials, TURNED};
 use crate::scene::{Geometry, Mesh, MeshId, Scene};
 
 /// The triangles of a mesh, numbered through its geometries.
 pub(super) struct Shape<'a> {
     mesh: &'a Mesh,
+    materials: Materials,
     /// By geometry.
     parts: Vec<Part<'a>>,
     /// Corners in mesh coordinates.
@@ -53,13 +54,13 @@ impl<'a> Part<'a> {
 }
 
 impl<'a> Shape<'a> {
-    pub(super) fn new(doc: &'a Document, scene: &'a Scene, mesh: MeshId) -> Shape<'a> {
+    pub(super) fn new(doc: &'a Document, scene: &'a Scene, mesh: MeshId, materials: Materials) -> Shape<'a> {
         let mesh = &scene.meshes[mesh.0 as usize];
         let parts: Vec<Part> = mesh.geometries.iter().map(|g| Part::new(doc, mesh, g)).collect();
         let count = mesh.triangle_count();
         let (mut corners, mut keys) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (geometry, part) in mesh.geometries.iter().zip(&parts) {
-            let kind = kind(geometry);
+            let kind = kind(geometry, materials);
             for (t, vertices) in geometry.triangles.iter().enumerate() {
                 corners.push(geometry.corners(t).map(|p| p.as_dvec3()));
                 keys.push(vertices.map(|v| corner_key(kind, part, v)));
@@ -68,7 +69,7 @@ impl<'a> Shape<'a> {
         let center = mean(corners.as_flattened());
         let spread = mean_square(corners.as_flattened(), center).sqrt();
         let properties = properties(doc, mesh.source as usize);
-        Shape { mesh, parts, corners, keys, properties, center, spread }
+        Shape { mesh, materials, parts, corners, keys, properties, center, spread }
     }
 
     /// Returns the unit of lengths: the spread, or 1 if it is 0.
@@ -105,8 +106,11 @@ impl<'a> Shape<'a> {
             && directions_agree([(&a.tangent, vertex_a), (&b.tangent, vertex_b)], turn)
     }
 
-    /// Whether two triangles have the same material and kind of primitive.
+    /// Whether two triangles have the same material and kind of primitive, if that matters.
     pub(super) fn kind_agrees(&self, triangle: usize, other: &Shape, at: usize) -> bool {
+        if self.materials == Materials::Any {
+            return true;
+        }
         let key = |shape: &Shape, triangle: usize| {
             let geometry = &shape.mesh.geometries[shape.mesh.locate(triangle as u32).0];
             (geometry.material, geometry.merge_class)
@@ -128,8 +132,11 @@ pub(super) fn mixed(mut x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Returns a hash of the properties shared by all triangles of a geometry.
-pub(super) fn kind(geometry: &Geometry) -> u64 {
+/// Returns a hash of the properties shared by all triangles of a geometry; the same for all if materials do not matter.
+pub(super) fn kind(geometry: &Geometry, materials: Materials) -> u64 {
+    if materials == Materials::Any {
+        return mixed(1);
+    }
     let mut hasher = FxHasher::default();
     hasher.write_u32(geometry.material.map_or(u32::MAX, |m| m));
     hasher.write_u32(geometry.merge_class);

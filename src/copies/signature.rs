@@ -9,8 +9,8 @@ use rustc_hash::{FxHashMap, FxHasher};
 
 use super::fit::stretch;
 use super::shape::{Shape, kind, mixed};
-use super::{Likeness, Options};
-use crate::scene::{Mesh, MeshId, Scene};
+use super::{Likeness, Materials, Options};
+use crate::scene::{Geometry, Mesh, MeshId, Scene};
 
 /// Number of order statistics of the corners' distances from their mean, and of the sides' lengths.
 const RANKS: usize = 8;
@@ -42,8 +42,9 @@ pub(super) struct Signature {
 }
 
 /// Returns a hash of the number of triangles of each material and kind.
-pub(super) fn coarse_key(mesh: &Mesh) -> u64 {
-    mesh.geometries.iter().fold(0, |sum, g| (g.triangles.len() as u64).wrapping_mul(kind(g)).wrapping_add(sum))
+pub(super) fn coarse_key(mesh: &Mesh, materials: Materials) -> u64 {
+    let of = |g: &Geometry| (g.triangles.len() as u64).wrapping_mul(kind(g, materials));
+    mesh.geometries.iter().fold(0, |sum, g| of(g).wrapping_add(sum))
 }
 
 /// Returns the signatures of some meshes, in their order.
@@ -56,7 +57,7 @@ pub(super) fn of_all(doc: &Document, scene: &Scene, meshes: &[MeshId], options: 
     }
     let of = |&mesh: &MeshId| {
         let budget = limit / stretches[mesh.0 as usize];
-        Signature::new(&Shape::new(doc, scene, mesh), mesh, budget, options)
+        Signature::new(&Shape::new(doc, scene, mesh, options.materials), mesh, budget, options)
     };
     meshes.par_iter().map(of).collect()
 }

@@ -198,7 +198,12 @@ fn document(solids: &[Solid]) -> Document {
     }
 }
 
-const RIGID: Options = Options { likeness: Likeness::Rigid, max_position_error_ratio: 1e-6, least_saved_bytes: 0 };
+const RIGID: Options = Options {
+    likeness: Likeness::Rigid,
+    materials: Materials::Same,
+    max_position_error_ratio: 1e-6,
+    least_saved_bytes: 0,
+};
 const EXACT: Options = Options { likeness: Likeness::Exact, ..RIGID };
 
 fn load(doc: &Document) -> Scene {

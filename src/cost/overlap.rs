@@ -82,6 +82,22 @@ pub fn worst_pairs(boxes: &[Bounds], count: usize) -> Vec<Pair> {
     worst
 }
 
+/// Returns for each box whether its intersection with any other one has a surface area above `min_area` (in squared
+/// units, at least 0). Boxes that are empty or not finite overlap nothing. Stops at the first of a box's overlaps, so the
+/// work does not follow the number of pairs.
+pub fn overlapping(boxes: &[Bounds], min_area: f64) -> Vec<bool> {
+    let index = Index::over(boxes);
+    let find = |query: &Item, _: usize, stack: &mut Vec<u32>, found: &mut Vec<u32>| {
+        let counts = |other: &Bounds| query.bounds.intersection(other).area() > min_area;
+        if counts(&query.bounds) && index.any_other(query, stack, counts) {
+            found.push(query.id);
+        }
+    };
+    let mut overlapping = vec![false; boxes.len()];
+    index.map_chunks(find).into_iter().flatten().for_each(|id| overlapping[id as usize] = true);
+    overlapping
+}
+
 /// Merges pairs into a sorted list that keeps the worst.
 fn keep_worst(worst: &mut Vec<Pair>, found: Vec<Pair>, count: usize) {
     if !found.is_empty() {
@@ -182,6 +198,27 @@ impl Index {
                 stack.extend([node.first + 1, node.first]);
             }
         }
+    }
+
+    /// Whether an item other than the query has a box that counts. A box that does not count must hold none that does.
+    fn any_other(&self, query: &Item, stack: &mut Vec<u32>, counts: impl Fn(&Bounds) -> bool) -> bool {
+        stack.clear();
+        stack.push(0);
+        while let Some(n) = stack.pop() {
+            let (node, volume) = (self.tree.nodes[n as usize], &self.volumes[n as usize]);
+            if !counts(&volume.around) {
+                continue;
+            }
+            if !node.is_leaf() {
+                stack.extend([node.first + 1, node.first]);
+                continue;
+            }
+            let items = &self.items[volume.first as usize..volume.end as usize];
+            if items.iter().any(|other| other.id != query.id && counts(&other.bounds)) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Returns the sum of the surface areas of the intersections of all pairs.
@@ -321,8 +358,21 @@ mod tests {
         }
     }
 
+    proptest! {
+        #[test]
+        fn overlapping_boxes_are_those_of_all_pairs(boxes in grid_boxes(), min_area in 0..12) {
+            let min_area = f64::from(min_area);
+            let mut expected = vec![false; boxes.len()];
+            for Pair { a, b, .. } in pairs_by_definition(&boxes, min_area) {
+                [a, b].into_iter().for_each(|i| expected[i as usize] = true);
+            }
+            prop_assert_eq!(overlapping(&boxes, min_area), expected);
+        }
+    }
+
     #[test]
     fn the_worst_of_equal_boxes_take_no_quadratic_time() {
+        assert_eq!(overlapping(&vec![bounds([0.0; 3], [1.0; 3]); 100_000], 1.0), vec![true; 100_000]);
         let pairs = worst_pairs(&vec![bounds([0.0; 3], [1.0; 3]); 100_000], 3);
         assert_eq!(pairs.iter().map(|p| (p.a, p.b)).collect::<Vec<_>>(), [(0, 1), (0, 2), (0, 3)]);
     }

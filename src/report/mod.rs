@@ -20,8 +20,8 @@ mod verification;
 pub(crate) mod words;
 
 pub use devices::{Device, DeviceLimits, DevicesReport};
-pub(crate) use findings::Broken;
-pub use findings::{Finding, Severity};
+pub(crate) use findings::{Broken, Objects};
+pub use findings::{Cost, FailOn, Finding, NoSuchRule, Rule, Severity, Work, to_sarif};
 pub use passes::Pass;
 pub use reported_options::{ReportedOptions, Speed};
 
@@ -257,8 +257,8 @@ pub struct InspectReport {
     pub before: Metrics,
     /// The pairs of objects that overlap most, worst first.
     pub worst_pairs: Vec<OverlappingPair>,
-    /// Ids of the vendor rules that were checked.
-    pub rules_checked: Vec<&'static str>,
+    /// The vendor rules that were checked: all.
+    pub rules_checked: Vec<Rule>,
     /// The rules that the scene breaks.
     pub findings: Vec<Finding>,
     /// What single precision may do to a ray as long as the scene, and which objects it cannot tell therefore.

@@ -6,7 +6,7 @@ use super::precision;
 use super::speed;
 use super::words::{bytes, counted, grouped};
 use super::{BakeReport, DecidedBy, Device, DevicesReport, Finding, Input, InspectReport, MethodReport};
-use super::{ReadingError, Severity, Speed, VerifyReport, candidates, verdict};
+use super::{ReadingError, Speed, VerifyReport, candidates, verdict};
 use crate::choose::PassId;
 use crate::cost::Metrics;
 use crate::layout::BlasPer;
@@ -288,14 +288,31 @@ fn seconds(report: &BakeReport) -> String {
     )
 }
 
+/// A finding, with the objects, what it costs and what to do, in lines of limited length.
 fn finding(f: &Finding) -> String {
-    let severity = match f.severity {
-        Severity::Info => "info",
-        Severity::Warning => "warning",
-        Severity::Error => "error",
+    let indented = |what: &str, text: &str| {
+        let lines = wrapped(&format!("{what}: {text}"), candidates::WIDTH - 8);
+        lines
+            .iter()
+            .enumerate()
+            .map(|(i, line)| format!("{}{line}\n", if i == 0 { "    " } else { "        " }))
+            .collect::<String>()
     };
-    let object = if f.object.is_empty() { String::new() } else { format!("`{}`: ", f.object) };
-    format!("{} {severity}: {object}{}\n", f.rule, f.message)
+    let mut text = paragraph(&format!("{} {} ({}): {}", f.rule.id(), f.severity.name(), f.title, f.message));
+    if !f.objects.is_empty() {
+        text += &indented("objects", &names(f));
+    }
+    text += &indented("costs", &f.cost.text);
+    text += &indented("by hand", &f.by_hand);
+    text + &indented("bake", &f.by_bake)
+}
+
+/// The names of the first objects of a finding, and how many there are beyond these.
+fn names(f: &Finding) -> String {
+    let named: Vec<String> = f.objects.iter().map(|name| format!("`{name}`")).collect();
+    let more = f.count.saturating_sub(named.len() as u64);
+    let more = if more > 0 { format!(" and {} more", grouped(more)) } else { String::new() };
+    format!("{}{more}", named.join(", "))
 }
 
 /// A table with columns as wide as their widest cell; the first is left-aligned, the others right-aligned.

@@ -70,17 +70,15 @@ pub(crate) fn apart(scene: &Scene, objects: &[Object]) -> Apart {
     apart_by(&extents(scene, objects))
 }
 
-/// Returns the objects that blow up the box of all, in ascending order: outliers, and shells whose box is at least
-/// [`DOME`] times as large as that of the objects that are not isolated.
-pub(super) fn exceptional(scene: &Scene, objects: &[Object]) -> Vec<usize> {
+/// Returns the objects that blow up the box of all: outliers, and shells whose box is at least [`DOME`] times as large as
+/// that of the objects that are not isolated.
+pub(super) fn exceptional(scene: &Scene, objects: &[Object]) -> Apart {
     let extents = extents(scene, objects);
-    let Apart { shells, outliers } = apart_by(&extents);
+    let Apart { mut shells, outliers } = apart_by(&extents);
     let stays = |i: &usize| shells.binary_search(i).is_err() && outliers.binary_search(i).is_err();
     let rest = (0..objects.len()).filter(stays).fold(Bounds::EMPTY, |all, i| all.union(&extents[i].bounds));
-    let domes = shells.iter().filter(|&&i| extents[i].bounds.area() >= DOME * rest.area());
-    let mut exceptional: Vec<usize> = domes.chain(&outliers).copied().collect();
-    exceptional.sort_unstable();
-    exceptional
+    shells.retain(|&i| extents[i].bounds.area() >= DOME * rest.area());
+    Apart { shells, outliers }
 }
 
 fn apart_by(extents: &[Extent]) -> Apart {

@@ -5,7 +5,7 @@
 //! rest. Thresholds on shares of the scene use the box of the core instead. If nothing is set apart, that is the box of
 //! the scene, bit for bit.
 
-use super::apart::exceptional;
+use super::apart::{Apart, exceptional};
 use super::object::{Object, objects};
 use super::{Bounds, Instance, InstanceId, Scene};
 
@@ -13,7 +13,11 @@ use super::{Bounds, Instance, InstanceId, Scene};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Core {
     bounds: Bounds,
-    /// The objects outside the core, in ascending order.
+    /// The domes, in ascending order.
+    domes: Vec<Object>,
+    /// The objects far outside, in ascending order.
+    outliers: Vec<Object>,
+    /// The objects outside the core, which are the two above, in ascending order.
     apart: Vec<Object>,
     /// The instances all of whose objects are outside the core, in ascending order.
     instances_apart: Vec<u32>,
@@ -23,11 +27,15 @@ impl Core {
     /// Finds the core. An instance with objects on both sides counts with the boxes of those in the core.
     pub(super) fn of(scene: &Scene) -> Core {
         let all = objects(scene, (0..scene.instances.len() as u32).map(InstanceId));
-        let apart: Vec<Object> = exceptional(scene, &all).into_iter().map(|i| all[i]).collect();
-        if apart.is_empty() {
-            return Core { bounds: scene.bounds(), apart, instances_apart: Vec::new() };
+        let Apart { shells, outliers } = exceptional(scene, &all);
+        let [domes, outliers] = [shells, outliers].map(|of| of.into_iter().map(|i| all[i]).collect::<Vec<Object>>());
+        let mut apart = [domes.as_slice(), &outliers].concat();
+        apart.sort_unstable();
+        let bounds = if apart.is_empty() { scene.bounds() } else { Bounds::EMPTY };
+        let mut core = Core { bounds, domes, outliers, apart, instances_apart: Vec::new() };
+        if core.apart.is_empty() {
+            return core;
         }
-        let mut core = Core { bounds: Bounds::EMPTY, apart, instances_apart: Vec::new() };
         for (i, instance) in (0u32..).zip(&scene.instances) {
             match core.count_apart(i) {
                 0 => core.bounds = core.bounds.union(&scene.instance_boxes()[i as usize]),
@@ -53,6 +61,16 @@ impl Core {
     /// Whether the core is the whole scene: no object is set apart.
     pub fn is_whole(&self) -> bool {
         self.apart.is_empty()
+    }
+
+    /// Returns the objects that enclose the core, in ascending order.
+    pub(crate) fn domes(&self) -> &[Object] {
+        &self.domes
+    }
+
+    /// Returns the objects far outside the core, in ascending order.
+    pub(crate) fn outliers(&self) -> &[Object] {
+        &self.outliers
     }
 
     /// Whether an object is outside the core.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::common::samples;
-use raykiln::copies::{self, Likeness};
+use raykiln::copies::{self, Likeness, Materials};
 use raykiln::emit::{self, Refuse};
 use raykiln::layout::{Layout, order_by_tree, stored};
 use raykiln::methods::{self, Instances, Method};
@@ -72,8 +72,12 @@ fn assert_raced_as_written(document: &Document, scene: &Scene, sample: &str) {
 
 #[test]
 fn what_is_raced_is_what_is_written() {
-    let options =
-        copies::Options { likeness: Likeness::Rigid, max_position_error_ratio: MAX_ERROR_RATIO, least_saved_bytes: 0 };
+    let options = copies::Options {
+        likeness: Likeness::Rigid,
+        materials: Materials::Same,
+        max_position_error_ratio: MAX_ERROR_RATIO,
+        least_saved_bytes: 0,
+    };
     for sample in samples() {
         let (document, scene) = load(&sample.scene);
         assert_raced_as_written(&document, &scene, &sample.name);

@@ -10,7 +10,8 @@ use super::BakeOptions;
 use super::turned::{self, Class};
 use crate::choose::Choice;
 use crate::commands::measure::measure_with;
-use crate::copies::{self, CopiedMesh, Copies, Count, Likeness, Looser, Saved, Sharing};
+use crate::copies::{self, CopiedMesh, Copies, Count, LEAST_SAVED_BYTES, LEAST_SAVED_RATIO, Likeness};
+use crate::copies::{Looser, Materials, Saved, Sharing};
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::Layout;
@@ -45,12 +46,6 @@ const MOST_COST_RATIO: f64 = 1.01;
 /// Where so many classes cost too much together, one in so many of them is tried.
 const FEWER: usize = 8;
 
-/// Share of the input's predicted bytes of acceleration structures that `auto` must save to share at all.
-const LEAST_SAVED_RATIO: f64 = 0.05;
-
-/// Bytes that `auto` must save besides: what devices allocate at least at a time (see rule RK009 of `inspect`).
-const LEAST_SAVED_BYTES: u64 = 64 << 10;
-
 /// The scene in which copies are shared, if any are.
 pub(super) struct SharedScene<'a> {
     /// The scene with the meshes that stand in for their copies.
@@ -76,7 +71,9 @@ pub(super) fn share<'a>(
     };
     let max_position_error_ratio = options.verify.max_position_error_ratio;
     let least_saved_bytes = if options.copies == FindCopies::ByMethod { least_saved_bytes(before) } else { 0 };
-    let found = copies::find(doc, scene, &copies::Options { likeness, max_position_error_ratio, least_saved_bytes });
+    let materials = Materials::Same;
+    let search = copies::Options { likeness, materials, max_position_error_ratio, least_saved_bytes };
+    let found = copies::find(doc, scene, &search);
     let (shared, sharing) = match (found.list.as_slice(), found.most_saved_bytes) {
         ([], Some(0) | None) => (None, Sharing::NoneAlike),
         ([], Some(most)) => (None, Sharing::NotLookedFor(most)),

@@ -52,9 +52,9 @@ pub(super) fn of_verification(report: &VerifyReport) -> Headline {
 /// The verdict of an inspection.
 pub(super) fn of_inspection(report: &InspectReport) -> Headline {
     let count = |severity| report.findings.iter().filter(|f| f.severity == severity).count();
-    let [errors, warnings, infos] = [Severity::Error, Severity::Warning, Severity::Info].map(count);
+    let [errors, warnings, notes] = [Severity::Error, Severity::Warning, Severity::Note].map(count);
     let checked = counted(report.rules_checked.len(), "rule");
-    let parts = [(errors, "error"), (warnings, "warning"), (infos, "remark")];
+    let parts = [(errors, "error"), (warnings, "warning"), (notes, "note")];
     let parts: Vec<String> = parts.into_iter().filter(|(n, _)| *n > 0).map(|(n, what)| counted(n, what)).collect();
     let (badge, tone, sentence) = match errors + warnings {
         0 => ("nothing wrong".to_owned(), "good", "Nothing was found that costs speed or memory.".to_owned()),

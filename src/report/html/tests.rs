@@ -3,25 +3,20 @@
 use super::*;
 use crate::cost::Metrics;
 use crate::layout::test_scenes::heaps;
-use crate::report::Severity;
+use crate::report::{Broken, Rule};
 use crate::scene::Scene;
 use crate::verify::sight::DeviceError;
 
 /// The report of a scene in which an object of this name is at fault, this many times.
 fn report(scene: &Scene, object: &str, times: usize) -> InspectReport {
-    let finding = Finding {
-        rule: "RK001",
-        severity: Severity::Warning,
-        object: object.into(),
-        message: format!("`{object}` is"),
-    };
+    let finding = Finding::new([object].into_iter().collect(), &Broken::Outlier { area_ratio: 9.0 });
     InspectReport {
         schema: InspectReport::SCHEMA,
         raykiln_version: "0",
         input: Input::of("folder/scene.glb".into(), Some(2048), scene),
         before: Metrics::default(),
         worst_pairs: Vec::new(),
-        rules_checked: vec!["RK001"],
+        rules_checked: vec![Rule::Outlier],
         findings: vec![finding; times],
         device_error: DeviceError::of(scene),
         warnings: vec![object.to_owned()],
