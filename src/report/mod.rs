@@ -13,6 +13,7 @@ pub mod plan;
 mod precision;
 pub mod render;
 mod reported_options;
+mod size;
 mod speed;
 pub mod text;
 pub mod verdict;
@@ -24,6 +25,7 @@ pub(crate) use findings::{Broken, Objects};
 pub use findings::{Cost, FailOn, Finding, NoSuchRule, Rule, Severity, Work, to_sarif};
 pub use passes::Pass;
 pub use reported_options::{ReportedOptions, Speed};
+pub use size::{Size, SizeVerdict};
 
 use std::path::PathBuf;
 
@@ -61,6 +63,10 @@ pub struct BakeReport {
     pub before: Metrics,
     /// Metrics of the output's layout, also if the output was rejected.
     pub after: Metrics,
+    /// Whether the output's acceleration structures are smaller than the input's.
+    pub size: Size,
+    /// The vendor rules that the input breaks.
+    pub findings: Vec<Finding>,
     /// How the layout was chosen.
     pub method: MethodReport,
     /// Which other steps were applied or skipped, and why.

@@ -32,6 +32,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
     }
     let metrics = Sides { before: &report.before, after: &report.after };
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
+    text += &findings_of_input(&report.findings, verbose);
     text += &seconds(report);
     let verdict = match report.verdict {
         Verdict::Faster => "faster",
@@ -41,6 +42,19 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
         Verdict::Failed => "failed",
     };
     text + "\n" + &paragraph(&format!("verdict: {verdict}: {}", report.verdict_reason))
+}
+
+/// The findings about the input of a bake: their rules, or in full.
+fn findings_of_input(findings: &[Finding], verbose: bool) -> String {
+    if findings.is_empty() {
+        return String::new();
+    }
+    if verbose {
+        return format!("\nfindings about the input\n{}\n", findings.iter().map(finding).collect::<String>());
+    }
+    let mut rules: Vec<String> = findings.iter().map(|f| format!("{} ({})", f.rule.id(), f.title)).collect();
+    rules.dedup();
+    paragraph(&format!("findings about the input, in full with -v: {}", rules.join(", ")))
 }
 
 /// What was chosen, by user or `auto`, and whether copies are shared.

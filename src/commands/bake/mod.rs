@@ -17,14 +17,14 @@ use raykiln_formats::{Document, Warning};
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
 use crate::commands::measure::{measure_with, per_primitive_note};
 use crate::commands::source::Source;
-use crate::commands::{CommandError, PlanError, fingerprint};
+use crate::commands::{CommandError, PlanError, fingerprint, rules};
 use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
 use crate::report::html::Shown;
 use crate::report::plan::{Hashes, PlannedDevice};
-use crate::report::{self, BakeReport, Input, MethodReport, Pass, ReportedOptions, Seconds, Speed};
+use crate::report::{self, BakeReport, Finding, Input, MethodReport, Pass, ReportedOptions, Seconds, Size, Speed};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
 use crate::verify::{Exact, Machine, MachineKind, Sides, Verification, VerifyOptions};
@@ -144,6 +144,7 @@ pub fn bake(
     let blas_per = options.verify.build.blas_per;
     let trees = MeshTrees::build(&scene);
     let before = measure_with(&scene, &trees, blas_per);
+    let findings = rules::findings(&doc, &scene, &trees, before.as_bytes());
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
     let SharedScene { scene: staged, metrics: shared, sharing } = copies::share(&doc, &scene, &trees, &before, options);
@@ -164,7 +165,8 @@ pub fn bake(
         clock.enter(Stage::Show);
         if tried.written.unchanged { Shown::of(&scene) } else { Shown::of_both(&scene, &tried.after) }
     });
-    let done = Done { input, output, scene: &scene, warnings, before, copies, chosen, seconds, tried, options };
+    let done =
+        Done { input, output, scene: &scene, warnings, before, findings, copies, chosen, seconds, tried, options };
     let (name, kind) = machine.name();
     let (mut report, staged) = done.report(kind);
     report.seconds = clock.stop();
@@ -180,6 +182,7 @@ struct Done<'a> {
     scene: &'a Scene,
     warnings: Vec<Warning>,
     before: Metrics,
+    findings: Vec<Finding>,
     copies: Option<Pass>,
     chosen: Chosen,
     /// Time to choose, in seconds.
@@ -191,7 +194,7 @@ struct Done<'a> {
 impl Done<'_> {
     /// Returns the report, but for the times of the stages and the memory, and the output.
     fn report(self, device: MachineKind) -> (BakeReport, Staged) {
-        let Done { input, output, scene, warnings, before, copies, chosen, seconds, tried, options } = self;
+        let Done { input, output, scene, warnings, before, findings, copies, chosen, seconds, tried, options } = self;
         let Tried { written, after: scene_after, metrics: after, verification, verdict, .. } = tried;
         let blas_per = options.verify.build.blas_per;
         let overall = Speed::of(&verification, &options.verify.weights, device);
@@ -203,12 +206,14 @@ impl Done<'_> {
         );
         let of_choice = [words_of(&chosen.layout.notes), words_of(&chosen.notes)].concat();
         let notes = [of_choice, written.notes(), words_of(&verification.notes), profiles].concat();
+        let reason = report::verdict::words(verdict, &overall, &verification, &method, options.choose.class);
+        let size = Size::of(&before, &after);
         let report = BakeReport {
             schema: BakeReport::SCHEMA,
             raykiln_version: env!("CARGO_PKG_VERSION"),
             input,
             output: output.to_owned(),
-            verdict_reason: report::verdict::words(verdict, &overall, &verification, &method, options.choose.class),
+            verdict_reason: [reason].into_iter().chain(size.words(written.unchanged)).collect::<Vec<_>>().join("; "),
             options: options.reported(),
             blas_per,
             before,
@@ -216,6 +221,8 @@ impl Done<'_> {
             verdict,
             method,
             after,
+            size,
+            findings,
             passes: copies
                 .into_iter()
                 .chain(chosen.passes.into_iter().map(Pass::from))
