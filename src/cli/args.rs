@@ -15,6 +15,7 @@ use crate::layout::BlasPer;
 use crate::methods::{
     self, BvhOptions, ClusterOptions, InstanceOptions, Instances, Method, OverlapOptions, PartOptions,
 };
+use crate::report::FailOn;
 use crate::scene::LoadOptions;
 use crate::verify::build::{BuildOptions, Prefer};
 use crate::verify::rays::MOST_RAYS;
@@ -139,7 +140,8 @@ pub(super) struct BakeArguments {
     /// auto: device class to predict for when no GPU is available
     #[arg(long, value_enum, default_value_t = ClassArgument::NoRtCores)]
     device_class: ClassArgument,
-    /// Also write a report to FILE (.json, or .html for a page with charts); may be repeated
+    /// Also write a report to FILE (.json, .html for a page with charts, or .sarif for findings about the input); may be
+    /// repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
     /// Print the report as JSON on standard output
@@ -345,7 +347,7 @@ enum BlasPerArgument {
 pub(super) struct InspectArguments {
     /// Scene: OBJ, glTF or GLB
     pub(super) input: PathBuf,
-    /// Also write the report to FILE (.json, or .html for a page with charts); may be repeated
+    /// Also write the report to FILE (.json, .html for a page with charts, or .sarif for its findings); may be repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
     /// Print JSON instead of text
@@ -354,6 +356,10 @@ pub(super) struct InspectArguments {
     /// Refuse files with non-finite positions instead of dropping the triangles
     #[arg(long)]
     pub(super) strict: bool,
+    /// Exit with status 1 on a finding of this rule (such as RK006), or of this severity (note, warning, error) or a
+    /// higher one; may be repeated
+    #[arg(long, value_name = "RULE|SEVERITY")]
+    pub(super) fail_on: Vec<FailOn>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -24,6 +24,7 @@ use crate::commands::bake::{self, BakeOptions, Baked};
 use crate::commands::inspect;
 use crate::commands::verify;
 use crate::report;
+use crate::report::FailOn;
 use crate::report::plan::PlanFile;
 use crate::scene::LoadOptions;
 use crate::verify::verdict::Verdict;
@@ -31,9 +32,9 @@ pub use memory::end as end_without_memory;
 
 use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
-use reports::{Reports, StagedReports};
+use reports::{Reports, StagedReports, sarif_and_others};
 
-/// Exit status of a failed verification or fit.
+/// Exit status of a failed verification or fit, and of findings that `--fail-on` names.
 const FAILED: u8 = 1;
 /// Exit status of bad usage or bad input.
 const BAD: u8 = 2;
@@ -101,7 +102,9 @@ fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) ->
             options
         }
     };
-    let reports = Reports::check(&arguments.report, &[&arguments.input, &arguments.output])?;
+    let (sarif, others) = sarif_and_others(&arguments.report);
+    let reports = Reports::check(&others, &[&arguments.input, &arguments.output])?;
+    let sarif = Reports::check_sarif(&sarif, &[&arguments.input, &arguments.output])?;
     options.show = reports.have_page();
     let plans = Reports::check_plan(&arguments.write_plan, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);
@@ -115,7 +118,9 @@ fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) ->
         let plan = PlanFile::of(&report, &hashes, device, plan::options(bake_matches));
         plans.stage(&report::json::to_json(&plan), String::new)
     });
-    let staged = [Some(reports.stage(&json, || report::html::bake(&report, shown.as_ref()))?), plan.transpose()?];
+    let sarif = sarif.stage(&report::to_sarif(&report.input.path, &report.findings), String::new)?;
+    let reports = reports.stage(&json, || report::html::bake(&report, shown.as_ref()))?;
+    let staged = [Some(reports), Some(sarif), plan.transpose()?];
     // Printed before anything is in place: if it fails, there must be no output.
     if arguments.json {
         print(json.as_bytes())?;
@@ -168,7 +173,9 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
 }
 
 fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode> {
-    let reports = Reports::check(&arguments.report, &[&arguments.input])?;
+    let (sarif, others) = sarif_and_others(&arguments.report);
+    let reports = Reports::check(&others, &[&arguments.input])?;
+    let sarif = Reports::check_sarif(&sarif, &[&arguments.input])?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
     let load = LoadOptions { strict: arguments.strict, keep: Vec::new() };
@@ -177,13 +184,20 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     let (report, shown) = inspected?;
     let json = report::json::to_json(&report);
     let reports = reports.stage(&json, || report::html::inspect(&report, shown.as_ref()))?;
+    let sarif = sarif.stage(&report::to_sarif(&report.input.path, &report.findings), String::new)?;
     if arguments.json {
         print(json.as_bytes())?
     } else {
         print(report::text::inspect(&report).as_bytes())?
     };
     reports.commit()?;
-    Ok(ExitCode::SUCCESS)
+    sarif.commit()?;
+    let broken = FailOn::rules_met(&arguments.fail_on, &report.findings);
+    if broken.is_empty() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    print_error(format_args!("{}: breaks {} (--fail-on)", arguments.input.display(), broken.join(", ")));
+    Ok(ExitCode::from(FAILED))
 }
 
 /// The manual: one page for the program and one per command.

@@ -19,6 +19,11 @@ impl<'a> Reports<'a> {
         Reports::check_option("--report", files, &["json", "html"], taken)
     }
 
+    /// Rejects files that findings cannot be written to.
+    pub(super) fn check_sarif(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
+        Reports::check_option("--report", files, &["sarif"], taken)
+    }
+
     /// Rejects a plan that cannot be written.
     pub(super) fn check_plan(file: &'a Option<PathBuf>, taken: &[&Path]) -> Result<Self> {
         Reports::check_option("--write-plan", file.as_slice(), &["json"], taken)
@@ -98,6 +103,11 @@ fn has_extension(file: &Path, extension: &str) -> bool {
 /// Whether a report is written to a file as a page.
 fn is_page(file: &Path) -> bool {
     has_extension(file, "html")
+}
+
+/// Parts files into those that findings are written to as SARIF, and the others.
+pub(super) fn sarif_and_others(files: &[PathBuf]) -> (Vec<PathBuf>, Vec<PathBuf>) {
+    files.iter().cloned().partition(|file| has_extension(file, "sarif"))
 }
 
 /// The file that a path leads to, whether it exists or not.
