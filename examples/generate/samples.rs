@@ -1,9 +1,9 @@
 //! The glTF scenes of `samples/`; each shows one fault that a method repairs. Sizes and places are chosen so that the
 //! counts and ratios in the `expect.toml` files can be derived by hand.
 
-use crate::shapes::{Shape, cube, cuboid, floor, octahedron, sphere};
+use crate::shapes::{Shape, cube, cuboid, floor, needles, octahedron, sphere};
 use crate::writer::Writer;
-use glam::{DVec3, dvec3};
+use glam::{DAffine3, DVec3, dvec3};
 use serde_json::json;
 use std::io;
 use std::path::Path;
@@ -17,7 +17,7 @@ type Sample = (&'static str, fn(Writer) -> io::Result<()>);
 
 /// Writes every scene below `folder`.
 pub(crate) fn all(folder: &Path) -> io::Result<()> {
-    let scenes: [Sample; 12] = [
+    let scenes: [Sample; 13] = [
         ("clean/scene.glb", clean),
         ("overlapping/scene.glb", overlapping),
         ("scattered/scene.glb", scattered),
@@ -30,6 +30,7 @@ pub(crate) fn all(folder: &Path) -> io::Result<()> {
         ("transparent/scene.glb", transparent),
         ("textured/scene.gltf", textured),
         ("copies/scene.gltf", copies),
+        ("findings/scene.glb", findings),
     ];
     for (file, write) in scenes {
         let path = folder.join(file);
@@ -241,5 +242,25 @@ fn copies(mut writer: Writer) -> io::Result<()> {
     writer.push("nodes", json!({"name": "stray", "mesh": mesh, "translation": [12.0, 0.0, 0.0]}));
     writer.set("extensionsUsed", json!(["EXT_mesh_gpu_instancing"]));
     writer.set("extensionsRequired", json!(["EXT_mesh_gpu_instancing"]));
+    writer.finish(None)
+}
+
+/// Forty equal rocks, each a mesh of its own, on a ground of 60 units, with what `inspect` finds: islands in one mesh, long
+/// thin diagonal triangles, a sky dome, and a mark far away.
+fn findings(mut writer: Writer) -> io::Result<()> {
+    let (red, blue, grey) = (writer.material("red", RED), writer.material("blue", BLUE), writer.material("grey", GREY));
+    writer.object("ground", &floor(60.0), Some(grey))?;
+    let rock = sphere(1.0, 2).placed(DAffine3::from_scale(dvec3(1.0, 0.7, 0.85)));
+    for i in 0..40 {
+        let at = dvec3(4.0 * f64::from(i % 8) - 28.0, 1.5, 4.0 * f64::from(i / 8) - 8.0);
+        writer.object(&format!("rock {i}"), &rock.clone().at(at.x, at.y, at.z), Some(grey))?;
+    }
+    let island = |i: i32| octahedron(1.0).at(8.0 * f64::from(i) - 28.0, 2.0, 22.0 - 44.0 * f64::from(i % 2));
+    let islands = (0..8).fold(Shape::default(), |so_far, i| so_far.and(&island(i)));
+    writer.object("islands", &islands, Some(red))?;
+    let starts = (0..300).map(|i| dvec3(10.0 + 0.2 * f64::from(i % 20), 2.0, 0.2 * f64::from(i / 20) - 8.0));
+    writer.object("cables", &needles(DVec3::splat(15.0), 0.02, starts), Some(red))?;
+    writer.object("sky", &octahedron(1200.0), Some(blue))?;
+    writer.object("forgotten mark", &floor(10.0).at(20_000.0, 0.0, 0.0), Some(red))?;
     writer.finish(None)
 }

@@ -86,6 +86,20 @@ pub(crate) fn floor(edge: f64) -> Shape {
     shape
 }
 
+/// Triangles from the origin along a direction, `width` wide at their ends, one for each of the given starts.
+pub(crate) fn needles(along: DVec3, width: f64, starts: impl Iterator<Item = DVec3>) -> Shape {
+    let aside = width * along.normalize().any_orthonormal_vector();
+    let mut shape = Shape::default();
+    for start in starts {
+        let normal = along.cross(aside).normalize();
+        let corners = [start, start + along, start + along + aside];
+        let texcoords = [dvec2(0.0, 0.0), dvec2(1.0, 0.0), dvec2(1.0, 1.0)];
+        let vertices = [0, 1, 2].map(|i| shape.vertex(corners[i], normal, texcoords[i]));
+        shape.triangles.push(vertices);
+    }
+    shape
+}
+
 /// A regular octahedron around the origin: 8 triangles, smooth normals.
 pub(crate) fn octahedron(radius: f64) -> Shape {
     let mut shape = Shape::default();

@@ -21,6 +21,7 @@ mod extreme;
 mod far_from_origin;
 mod faults;
 mod finite;
+mod inspect;
 mod instancing;
 #[cfg(feature = "lab")]
 mod lab;

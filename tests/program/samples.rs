@@ -41,7 +41,7 @@ macro_rules! sample_tests {
 }
 
 sample_tests! {
-    animated clean copies hierarchy instanced materials overlapping plus scattered staggered textured transparent
+    animated clean copies findings hierarchy instanced materials overlapping plus scattered staggered textured transparent
     woven
 }
 
