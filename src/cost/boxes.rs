@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::structure::Structure;
 use crate::scene::Bounds;
+use crate::tree::Tree;
 
 /// Number of points that [`super::measure`] samples.
 pub const POINTS: usize = 10_000;
@@ -29,13 +30,8 @@ impl BoxesPerPoint {
     /// Counts the boxes of a structure around each point. Boxes are closed, and a point outside by no more than
     /// rounding error counts as inside.
     pub fn of(structure: &Structure, points: &[DVec3]) -> BoxesPerPoint {
-        let nodes = structure.tlas.bounds(&structure.boxes);
-        let reach = nodes.first().map_or(0.0, |all| all.min.abs().max(all.max.abs()).max_element());
-        let margin = DVec3::splat(ROUNDING * reach);
-        let shared = shared_by_all(structure);
-        let count =
-            |p: &DVec3| boxes_touching(structure, &nodes, &shared, &Bounds { min: p - margin, max: p + margin });
-        let mut counts: Vec<u32> = points.par_iter().map(count).collect();
+        let counter = BoxCounter::new(&structure.tlas, &structure.boxes);
+        let mut counts: Vec<u32> = points.par_iter().map(|point| counter.around(*point)).collect();
         counts.sort_unstable();
         let Some(&max) = counts.last() else {
             return BoxesPerPoint::default();
@@ -67,43 +63,63 @@ impl Shared {
     }
 }
 
+/// Counts the boxes around points.
+pub(crate) struct BoxCounter<'a> {
+    tlas: &'a Tree,
+    boxes: &'a [Bounds],
+    nodes: Vec<Bounds>,
+    shared: Vec<Shared>,
+    /// By how much a point outside a box still counts as inside.
+    margin: DVec3,
+}
+
+impl<'a> BoxCounter<'a> {
+    /// Prepares to count boxes that a tree is built over.
+    pub(crate) fn new(tlas: &'a Tree, boxes: &'a [Bounds]) -> BoxCounter<'a> {
+        let nodes = tlas.bounds(boxes);
+        let reach = nodes.first().map_or(0.0, |all| all.min.abs().max(all.max.abs()).max_element());
+        BoxCounter { tlas, boxes, shared: shared_by_all(tlas, boxes), nodes, margin: DVec3::splat(ROUNDING * reach) }
+    }
+
+    /// Returns the number of boxes that contain a point.
+    pub(crate) fn around(&self, point: DVec3) -> u32 {
+        let around = Bounds { min: point - self.margin, max: point + self.margin };
+        let mut count = 0;
+        let mut stack = if self.nodes.is_empty() { vec![] } else { vec![0] };
+        while let Some(n) = stack.pop() {
+            let (node, shared) = (self.tlas.nodes[n as usize], &self.shared[n as usize]);
+            if !self.nodes[n as usize].overlaps(&around) {
+                continue;
+            }
+            if shared.all_touch(&around) {
+                count += shared.boxes;
+            } else if node.is_leaf() {
+                let items = &self.tlas.order[node.items()];
+                count += items.iter().filter(|&&i| self.boxes[i as usize].overlaps(&around)).count() as u32;
+            } else {
+                stack.extend([node.first, node.first + 1]);
+            }
+        }
+        count
+    }
+}
+
 /// Returns [`Shared`] of every node, so that a node whose boxes all touch a point is counted at once: a hundred
 /// thousand equal boxes take no longer than separate ones.
-fn shared_by_all(structure: &Structure) -> Vec<Shared> {
+fn shared_by_all(tlas: &Tree, boxes: &[Bounds]) -> Vec<Shared> {
     let everything = Bounds { min: Bounds::EMPTY.max, max: Bounds::EMPTY.min };
     let of_leaf = |items: &[u32]| Shared {
-        common: items.iter().fold(everything, |all, &i| all.intersection(&structure.boxes[i as usize])),
+        common: items.iter().fold(everything, |all, &i| all.intersection(&boxes[i as usize])),
         boxes: items.len() as u32,
     };
     let join = |a: &Shared, b: &Shared| Shared { common: a.common.intersection(&b.common), boxes: a.boxes + b.boxes };
-    structure.tlas.refit(of_leaf, join)
-}
-
-/// Returns the number of instance boxes that share a point with `around`.
-fn boxes_touching(structure: &Structure, nodes: &[Bounds], shared: &[Shared], around: &Bounds) -> u32 {
-    let mut count = 0;
-    let mut stack = if nodes.is_empty() { vec![] } else { vec![0] };
-    while let Some(n) = stack.pop() {
-        let node = structure.tlas.nodes[n as usize];
-        if !nodes[n as usize].overlaps(around) {
-            continue;
-        }
-        if shared[n as usize].all_touch(around) {
-            count += shared[n as usize].boxes;
-        } else if node.is_leaf() {
-            let items = &structure.tlas.order[node.items()];
-            count += items.iter().filter(|&&i| structure.boxes[i as usize].overlaps(around)).count() as u32;
-        } else {
-            stack.extend([node.first, node.first + 1]);
-        }
-    }
-    count
+    tlas.refit(of_leaf, join)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree::{Quality, Tree};
+    use crate::tree::Quality;
     use glam::dvec3;
     use proptest::prelude::*;
 
