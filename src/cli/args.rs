@@ -61,7 +61,7 @@ pub(super) enum Command {
     Verify(Box<CompareArguments>),
     /// Show what a scene contains, what it costs to trace and which vendor rules it breaks
     Inspect(InspectArguments),
-    /// Draw a picture of a scene: shaded, by group, by instance, or by the cost of its rays
+    /// Draw a picture of a scene: its materials, groups, boxes, or the cost of its rays
     #[command(after_help = super::render::EXAMPLES)]
     Render(super::render::RenderArguments),
     #[cfg(feature = "lab")]

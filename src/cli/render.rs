@@ -11,14 +11,16 @@ use raykiln_formats::staging::{Folder, Hold};
 use super::args::Output;
 use super::progress::Progress;
 use super::{print, print_for_people};
-use crate::commands::render::{Rendered, render};
-use crate::render::{CameraChoice, ColourMap, RenderOptions, View};
+use crate::commands::render::{Rendered, Stage, difference, render};
+use crate::render::{CameraChoice, ColourMap, Masks, RenderOptions, View};
 use crate::report::json::to_json;
 
 pub(super) const EXAMPLES: &str = "Examples:
   raykiln render conference.obj -o conference.png
   raykiln render baked.glb -o cost.png --view heatmap --scale 200 --size 1920x1080
   raykiln render scene.glb -o groups.png --view groups --camera 2,1.7,3,0,1,0,60
+  raykiln render scene.glb -o level.png --view boxes --depth 6 --show boxes
+  raykiln render before.glb after.glb -o changed.png --view difference
 
 docs/render.md describes the views.";
 
@@ -26,6 +28,8 @@ docs/render.md describes the views.";
 pub(super) struct RenderArguments {
     /// Scene: OBJ, glTF or GLB
     input: PathBuf,
+    /// difference: scene to compare with, seen by the same camera
+    after: Option<PathBuf>,
     /// Picture to write (.png)
     #[arg(long, short)]
     output: PathBuf,
@@ -33,24 +37,31 @@ pub(super) struct RenderArguments {
     #[arg(long, value_enum, default_value_t = ViewArgument::Shaded)]
     view: ViewArgument,
     /// Camera: number (from 0) or name of a camera of the file, `auto`, or an upright one by seven numbers: eye, target
-    /// and vertical field of view in degrees [default: the first of the file, else auto]
+    /// and field of view across the shorter side in degrees [default: the first of the file, else auto]
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<CameraChoice>,
     /// Width and height of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
-    /// Samples per pixel [default: 16 for shaded, 1 for heatmap, 4 otherwise]
+    /// Samples per pixel [default: 16 for shaded and difference, 1 for heatmap and overlap, 4 otherwise]
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Seed of the samples
     #[arg(long, value_name = "N", default_value_t = RenderOptions::default().seed)]
     seed: u64,
-    /// heatmap: colours from small to large values
-    #[arg(long, value_enum, value_name = "MAP", default_value_t = ColoursArgument::Viridis)]
-    colours: ColoursArgument,
-    /// heatmap: value with the last colour [default: a round number that few pixels exceed]
-    #[arg(long, value_name = "MAX")]
+    /// heatmap, overlap: colours from small to large values [default: viridis]
+    #[arg(long, value_enum, value_name = "MAP")]
+    colours: Option<ColoursArgument>,
+    /// heatmap, overlap: value with the last colour [default: a round number that few pixels exceed]
+    #[arg(long, value_name = "MAX", allow_hyphen_values = true)]
     scale: Option<f64>,
+    /// boxes: depth of the nodes whose boxes are drawn, from the root of the TLAS through its leaves into the BLASes
+    /// [default: the boxes of the instances]
+    #[arg(long, value_name = "N")]
+    depth: Option<u32>,
+    /// boxes: what is visible [default: all]
+    #[arg(long, value_enum, value_name = "MASKS", value_delimiter = ',')]
+    show: Vec<MaskArgument>,
     /// Print what was measured as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -66,17 +77,40 @@ enum ViewArgument {
     Instances,
     /// Traversal steps per primary ray
     Heatmap,
+    /// All surfaces on each ray, as if they were glass
+    Transparent,
+    /// Boxes of the instances, or of a level of the tree, as wires
+    Boxes,
+    /// Number of instance boxes around the first hit
+    Overlap,
+    /// Pixels in which two scenes differ, and by what
+    Difference,
 }
 
-impl From<ViewArgument> for View {
-    fn from(argument: ViewArgument) -> View {
-        match argument {
+impl ViewArgument {
+    /// The view of one scene; `None` for the one that compares two.
+    fn of_one(self) -> Option<View> {
+        Some(match self {
             ViewArgument::Shaded => View::Shaded,
             ViewArgument::Groups => View::Groups,
             ViewArgument::Instances => View::Instances,
             ViewArgument::Heatmap => View::Heatmap,
-        }
+            ViewArgument::Transparent => View::Transparent,
+            ViewArgument::Boxes => View::Boxes,
+            ViewArgument::Overlap => View::Overlap,
+            ViewArgument::Difference => return None,
+        })
     }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum MaskArgument {
+    /// Surfaces of meshes that are placed once
+    Scene,
+    /// Boxes
+    Boxes,
+    /// Surfaces of meshes that are placed more than once
+    Instances,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -106,24 +140,54 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 
 impl RenderArguments {
     fn options(&self) -> RenderOptions {
+        let shows = |mask: MaskArgument| self.show.is_empty() || self.show.contains(&mask);
         RenderOptions {
             size: self.size,
             samples: self.samples,
             seed: self.seed,
-            colours: self.colours.into(),
+            colours: self.colours.map_or_else(ColourMap::default, ColourMap::from),
             scale: self.scale,
+            depth: self.depth,
+            masks: Masks {
+                scene: shows(MaskArgument::Scene),
+                boxes: shows(MaskArgument::Boxes),
+                instances: shows(MaskArgument::Instances),
+            },
         }
+    }
+
+    /// Refuses options that do not apply to the view.
+    fn check(&self) -> Result<()> {
+        let view = self.view.of_one();
+        let is_scaled = matches!(view, Some(View::Heatmap | View::Overlap));
+        let has_boxes = view == Some(View::Boxes);
+        let given = [
+            ("--colours", self.colours.is_some(), is_scaled, "heatmap, overlap"),
+            ("--scale", self.scale.is_some(), is_scaled, "heatmap, overlap"),
+            ("--depth", self.depth.is_some(), has_boxes, "boxes"),
+            ("--show", !self.show.is_empty(), has_boxes, "boxes"),
+            ("a second scene", self.after.is_some(), view.is_none(), "difference"),
+        ];
+        for (option, is_given, applies, views) in given {
+            ensure!(!is_given || applies, "{option} applies to --view {views} only");
+        }
+        ensure!(view.is_some() || self.after.is_some(), "--view difference takes two scenes: BEFORE AFTER");
+        Ok(())
     }
 }
 
 /// Draws a picture and writes it.
 pub(super) fn run(arguments: &RenderArguments, output: &Output) -> Result<ExitCode> {
-    let file = PictureFile::check(&arguments.output, &arguments.input)?;
-    let camera = arguments.camera.clone().unwrap_or_default();
+    arguments.check()?;
+    let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.after).map(PathBuf::as_path).collect();
+    let file = PictureFile::check(&arguments.output, &inputs)?;
+    let (camera, options) = (arguments.camera.clone().unwrap_or_default(), arguments.options());
     let mut progress = Progress::new(output.quiet);
-    let input = arguments.input.as_path().into();
-    let rendered =
-        render(input, arguments.view.into(), &camera, &arguments.options(), &mut |stage| progress.enter(stage.label()));
+    let enter = &mut |stage: Stage| progress.enter(stage.label());
+    let rendered = match (arguments.view.of_one(), &inputs[..]) {
+        (None, &[before, after]) => difference(before.into(), after.into(), &camera, &options, enter),
+        (view, _) => render(inputs[0].into(), view.unwrap_or_default(), &camera, &options, enter),
+    };
     progress.finish();
     let Rendered { png, report } = rendered?;
     let staged = file.stage(&png)?;
@@ -147,7 +211,7 @@ struct PictureFile<'a> {
 
 impl<'a> PictureFile<'a> {
     /// Rejects a file that cannot be written, before any work is done.
-    fn check(given: &'a Path, input: &Path) -> Result<Self> {
+    fn check(given: &'a Path, inputs: &[&Path]) -> Result<Self> {
         let to = fs::canonicalize(given).unwrap_or_else(|_| given.to_owned());
         let file = PictureFile { given, to };
         let shown = given.display();
@@ -155,7 +219,7 @@ impl<'a> PictureFile<'a> {
         ensure!(is_png, "{shown}: only files with the extension .png can be written");
         ensure!(file.folder().is_dir(), "{shown}: there is no folder {}", file.folder().display());
         ensure!(file.to.is_file() || !file.to.exists(), "{shown}: is not a regular file");
-        let is_input = fs::canonicalize(input).is_ok_and(|input| input == file.to);
+        let is_input = inputs.iter().any(|input| fs::canonicalize(input).is_ok_and(|input| input == file.to));
         ensure!(!is_input, "{shown}: is the scene itself");
         Folder::new_in(file.folder()).with_context(|| format!("{shown}: its folder cannot be written to"))?;
         Ok(file)
@@ -191,14 +255,16 @@ impl StagedPicture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::render::RenderReport;
 
     #[test]
     fn every_view_and_scale_of_colours_has_an_argument_of_its_name() {
-        let views = ViewArgument::value_variants().iter().map(|v| (View::from(*v).name(), v.to_possible_value()));
+        let name = |view: &ViewArgument| view.of_one().map_or(RenderReport::DIFFERENCE, View::name);
+        let views = ViewArgument::value_variants().iter().map(|v| (name(v), v.to_possible_value()));
         let maps =
             ColoursArgument::value_variants().iter().map(|m| (ColourMap::from(*m).name(), m.to_possible_value()));
         let all: Vec<_> = views.chain(maps).collect();
-        assert_eq!(all.len(), View::ALL.len() + ColourMap::ALL.len());
+        assert_eq!(all.len(), View::ALL.len() + 1 + ColourMap::ALL.len());
         assert!(all.iter().all(|(name, value)| value.as_ref().is_some_and(|v| v.get_name() == *name)), "{all:?}");
     }
 

@@ -1,10 +1,12 @@
 //! Draws a picture of a scene.
 
+use raykiln_formats::{Document, Warning};
+
 use crate::commands::CommandError;
 use crate::commands::source::Source;
 use crate::render::{CameraChoice, RenderError, RenderOptions, Renderer, View};
 use crate::report::render::RenderReport;
-use crate::scene::{self, LoadOptions};
+use crate::scene::{self, LoadOptions, Scene};
 
 /// A stage of drawing a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,16 +52,60 @@ pub fn render(
 ) -> Result<Rendered, CommandError> {
     options.check(view)?;
     enter(Stage::Read);
-    let doc = source.read()?;
-    let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
+    let read = Read::of(source)?;
     enter(Stage::Build);
-    let renderer = Renderer::new(&doc, &scene)?;
+    let renderer = Renderer::new(&read.doc, &read.scene)?;
     let camera = renderer.camera(camera).map_err(RenderError::from)?;
     enter(Stage::Draw);
     let picture = renderer.picture(view, &camera, options)?;
-    let warnings = doc.warnings.iter().chain(&warnings).map(ToString::to_string);
-    let images = renderer.bad_images().iter().map(ToString::to_string);
-    let warnings = warnings.chain(images).collect();
-    let report = RenderReport::of(&doc.path, view, &camera, &picture, warnings);
+    let report = RenderReport::of(&read.doc.path, view.name(), &camera, &picture, read.warnings(&renderer));
     Ok(Rendered { png: picture.png(), report })
+}
+
+/// Draws where two files differ, seen by a camera of the first. `enter` is told of each stage.
+///
+/// # Errors
+/// Like [`render`].
+pub fn difference(
+    before: Source,
+    after: Source,
+    camera: &CameraChoice,
+    options: &RenderOptions,
+    enter: &mut dyn FnMut(Stage),
+) -> Result<Rendered, CommandError> {
+    options.check(View::Shaded)?;
+    enter(Stage::Read);
+    let (before, after) = (Read::of(before)?, Read::of(after)?);
+    enter(Stage::Build);
+    let renderers = [Renderer::new(&before.doc, &before.scene)?, Renderer::new(&after.doc, &after.scene)?];
+    let camera = renderers[0].camera(camera).map_err(RenderError::from)?;
+    enter(Stage::Draw);
+    let picture = renderers[0].difference(&renderers[1], &camera, options)?;
+    let warnings = [before.warnings(&renderers[0]), after.warnings(&renderers[1])].concat();
+    let report = RenderReport::of(&before.doc.path, RenderReport::DIFFERENCE, &camera, &picture, warnings);
+    Ok(Rendered { png: picture.png(), report: report.against(&after.doc.path) })
+}
+
+/// A file that was read.
+struct Read {
+    doc: Document,
+    scene: Scene,
+    warnings: Vec<Warning>,
+}
+
+impl Read {
+    fn of(source: Source) -> Result<Read, CommandError> {
+        let doc = source.read()?;
+        let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
+        scene.check().map_err(|e| CommandError::Internal(e.0))?;
+        Ok(Read { doc, scene, warnings })
+    }
+
+    /// Returns what the reader repaired or omitted, and the images that could not be decoded.
+    fn warnings(&self, renderer: &Renderer) -> Vec<String> {
+        let file = self.doc.path.display();
+        let read = self.doc.warnings.iter().chain(&self.warnings).map(|warning| format!("{file}: {warning}"));
+        let images = renderer.bad_images().iter().map(|bad| format!("{file}: {bad}"));
+        read.chain(images).collect()
+    }
 }

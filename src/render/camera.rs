@@ -42,7 +42,7 @@ pub enum CameraChoice {
         eye: DVec3,
         /// A point in the middle of the picture.
         target: DVec3,
-        /// Vertical field of view in degrees.
+        /// Field of view across the shorter side of the picture, in degrees.
         field_degrees: f64,
     },
 }
@@ -96,6 +96,8 @@ impl FromStr for CameraChoice {
 
 /// Number of viewpoints that the automatic camera is chosen from, besides the one in the middle.
 const TRIED: usize = 12;
+/// Worth of the one in the middle, over that of another one that shows as much: it shows the whole of what it shows.
+const PREFERENCE: f64 = 1.4;
 /// Columns and rows of rays by which a viewpoint is judged.
 const GRID: [usize; 2] = [24, 14];
 
@@ -128,8 +130,11 @@ impl Renderer<'_> {
         let reference = Reference::new(&self.accel);
         let closest = |rays: &[Ray]| reference.closest(rays);
         let placed = viewpoints(self.scene, &self.stage, &closest, TRIED, SEED);
-        let rated = |sight: Sight| (self.worth(&sight, &reference), sight);
-        let mut rated: Vec<(f64, Sight)> = placed.into_iter().map(rated).collect();
+        let rated = |(i, sight): (usize, Sight)| {
+            let preference = if i == 0 { PREFERENCE } else { 1.0 };
+            (preference * self.worth(&sight, &reference), sight)
+        };
+        let mut rated: Vec<(f64, Sight)> = placed.into_iter().enumerate().map(rated).collect();
         rated.sort_by(|a, b| b.0.total_cmp(&a.0));
         rated.into_iter().map(|(_, sight)| Camera { sight }).collect()
     }

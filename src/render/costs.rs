@@ -88,7 +88,8 @@ impl Costs {
         let of_pixel = |steps: &Steps| colours.at(self.value(steps) / scale);
         let pixels = self.steps.par_iter().map(of_pixel).collect();
         let values = Some(Values::of(self.values(), scale));
-        let statistics = Statistics { seen_ratio: self.seen_ratio, values, steps: Some(self.mean()) };
+        let statistics =
+            Statistics { seen_ratio: self.seen_ratio, values, steps: Some(self.mean()), ..Statistics::default() };
         let mut picture = Picture::of(self.size, pixels, statistics);
         legend::draw(&mut picture, colours, scale, UNIT);
         picture

@@ -1,5 +1,6 @@
 //! [`RenderError`].
 
+use super::boxes::MOST_BOXES;
 use super::camera::BadCamera;
 use super::options::{MOST_PIXELS, MOST_SAMPLES, MOST_SIDE};
 
@@ -22,7 +23,22 @@ pub enum RenderError {
     /// The end of the scale is not a positive number.
     #[error("the scale must end at a finite number above 0, not at {0}")]
     Scale(f64),
+    /// There are too many boxes to be told apart.
+    #[error("{}; at most {MOST_BOXES} are drawn", too_many(*count, *depth))]
+    Boxes {
+        /// Their number; one more than the largest if it is not known.
+        count: usize,
+        /// Their depth; `None` for the boxes of instances.
+        depth: Option<u32>,
+    },
     /// The camera shows nothing.
     #[error(transparent)]
     Camera(#[from] BadCamera),
+}
+
+fn too_many(count: usize, depth: Option<u32>) -> String {
+    match depth {
+        Some(depth) => format!("at depth {depth} the tree has at least {count} boxes"),
+        None => format!("the scene has {count} instances with a box each"),
+    }
 }

@@ -35,6 +35,24 @@ pub(super) fn draw(picture: &mut Picture, colours: ColourMap, scale: f64, unit: 
     }
 }
 
+/// Draws a key into the lower left corner: what each colour means. A picture too small for it stays as it is.
+pub(super) fn key(picture: &mut Picture, entries: &[(Rgb, &str)]) {
+    let swatch = TEXT - 3.0;
+    let widths: Vec<f32> = entries.iter().map(|(_, text)| swatch + 1.75 * MARGIN + width(text, TEXT)).collect();
+    let size = [widths.iter().sum::<f32>() + MARGIN, TEXT + 2.0 * MARGIN];
+    if size[0] > picture.width as f32 || 3.0 * size[1] > picture.height as f32 {
+        return;
+    }
+    let top = picture.height as f32 - size[1];
+    fill(picture, [0.0, top], size, |_| GROUND, COVER);
+    let mut left = MARGIN;
+    for ((colour, text), width) in entries.iter().zip(widths) {
+        fill(picture, [left, top + MARGIN + 2.0], [swatch; 2], |_| *colour, 1.0);
+        write(picture, text, [left + swatch + 0.75 * MARGIN, top + MARGIN], TEXT, INK);
+        left += width;
+    }
+}
+
 /// Fills a rectangle; `colour` takes the distance from its left side.
 fn fill(picture: &mut Picture, [left, top]: [f32; 2], size: [f32; 2], colour: impl Fn(f32) -> Rgb, cover: f32) {
     let [width, height] = size.map(|side| side.round() as i64);

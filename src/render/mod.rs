@@ -26,9 +26,11 @@
 //! # }
 //! ```
 
+mod boxes;
 mod camera;
 mod colour;
 mod costs;
+mod difference;
 mod error;
 mod flat;
 mod frame;
@@ -36,16 +38,23 @@ mod legend;
 mod look;
 mod material;
 mod options;
+mod overlap;
 mod palette;
 mod picture;
 mod shade;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod text;
 mod texture;
+mod transparent;
+mod wires;
 
+pub use boxes::{MOST_BOXES, Masks};
 pub use camera::{BadCamera, Camera, CameraChoice};
 pub use colour::ColourMap;
 pub use costs::{Costs, MeanSteps};
+pub use difference::{Cause, Differences};
 pub use error::RenderError;
 pub use options::{MOST_PIXELS, MOST_SAMPLES, MOST_SIDE, RenderOptions};
 pub use picture::{Picture, Statistics, Values};
@@ -75,11 +84,18 @@ pub enum View {
     Instances,
     /// The number of traversal steps per primary ray.
     Heatmap,
+    /// All surfaces on each ray, as if they were glass.
+    Transparent,
+    /// Boxes of the instances, or of a level of the tree, as wires.
+    Boxes,
+    /// The number of instance boxes around the first hit.
+    Overlap,
 }
 
 impl View {
     /// All views of one scene, in the order of their declaration.
-    pub const ALL: [View; 4] = [View::Shaded, View::Groups, View::Instances, View::Heatmap];
+    pub const ALL: [View; 7] =
+        [View::Shaded, View::Groups, View::Instances, View::Heatmap, View::Transparent, View::Boxes, View::Overlap];
 
     /// Returns the name on the command line and in reports.
     pub fn name(self) -> &'static str {
@@ -88,6 +104,9 @@ impl View {
             View::Groups => "groups",
             View::Instances => "instances",
             View::Heatmap => "heatmap",
+            View::Transparent => "transparent",
+            View::Boxes => "boxes",
+            View::Overlap => "overlap",
         }
     }
 
@@ -95,8 +114,8 @@ impl View {
     pub fn default_samples(self) -> u32 {
         match self {
             View::Shaded => 16,
-            View::Groups | View::Instances => 4,
-            View::Heatmap => 1,
+            View::Groups | View::Instances | View::Transparent | View::Boxes => 4,
+            View::Heatmap | View::Overlap => 1,
         }
     }
 }
@@ -138,7 +157,7 @@ impl<'a> Renderer<'a> {
     /// Draws a picture.
     ///
     /// # Errors
-    /// Options out of range, see [`RenderError`].
+    /// Options out of range, or too many boxes, see [`RenderError`].
     pub fn picture(&self, view: View, camera: &Camera, options: &RenderOptions) -> Result<Picture, RenderError> {
         let frame = Frame::new(view, camera, options)?;
         Ok(match view {
@@ -150,6 +169,9 @@ impl<'a> Renderer<'a> {
                 let scale = options.scale.unwrap_or_else(|| Costs::scale(&[&costs]));
                 costs.picture(options.colours, scale)
             }
+            View::Transparent => transparent::picture(self, &frame, &palette::of_groups(self.scene)),
+            View::Boxes => boxes::picture(self, &frame, options)?,
+            View::Overlap => overlap::picture(self, &frame, options),
         })
     }
 

@@ -1,6 +1,6 @@
 //! [`RenderOptions`].
 
-use super::{ColourMap, RenderError, View};
+use super::{ColourMap, Masks, RenderError, View};
 
 /// Largest width or height of a picture, in pixels.
 pub const MOST_SIDE: u32 = 16_384;
@@ -22,11 +22,24 @@ pub struct RenderOptions {
     pub colours: ColourMap,
     /// The value with the last colour of the scale; `None` to take it from the picture.
     pub scale: Option<f64>,
+    /// Boxes: the depth of the nodes whose boxes are drawn, counted from the root of the TLAS through its leaves into the
+    /// BLASes; `None` for the boxes of the instances.
+    pub depth: Option<u32>,
+    /// Boxes: what is visible.
+    pub masks: Masks,
 }
 
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
-        RenderOptions { size: [1280, 720], samples: None, seed: 1, colours: ColourMap::default(), scale: None }
+        RenderOptions {
+            size: [1280, 720],
+            samples: None,
+            seed: 1,
+            colours: ColourMap::default(),
+            scale: None,
+            depth: None,
+            masks: Masks::default(),
+        }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::MeanSteps;
 use super::colour::Rgb;
+use super::{Differences, MeanSteps};
 
 /// A picture with 8 bits per channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +27,10 @@ pub struct Statistics {
     pub values: Option<Values>,
     /// Heat map: mean steps per primary ray.
     pub steps: Option<MeanSteps>,
+    /// Boxes: their number.
+    pub boxes: Option<u64>,
+    /// Difference: how two scenes differ.
+    pub differences: Option<Differences>,
 }
 
 /// Values over the pixels of a picture.

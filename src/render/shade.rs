@@ -81,6 +81,11 @@ impl<'r, 'a> Shader<'r, 'a> {
         (light, true)
     }
 
+    /// Returns the normal that the file states for a point; see [`Looks::stated_normal`].
+    pub(super) fn stated_normal(&self, spot: &Spot) -> Option<DVec3> {
+        self.looks.stated_normal(spot)
+    }
+
     /// Returns the first surface that a ray meets, without what alpha tests remove.
     pub(super) fn meet(&self, probe: &mut Probe, ray: &Ray) -> Option<(Spot<'r>, Look)> {
         let hit = probe.closest(ray, |hit| self.alpha(ray, hit) > 0.0)?;

@@ -21,6 +21,10 @@ pub(super) struct Spot<'a> {
     pub(super) point: DVec3,
     /// Unit normal on the side that the ray comes from.
     pub(super) normal: DVec3,
+    /// Distance in units of the ray's direction.
+    pub(super) distance: f64,
+    /// Whether the front is hit, by glTF's rule.
+    pub(super) front: bool,
 }
 
 impl<'a> Spot<'a> {
@@ -43,6 +47,8 @@ impl<'a> Spot<'a> {
             weights,
             point: corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2],
             normal: if normal.dot(direction) > 0.0 { -normal } else { normal },
+            distance: f64::from(hit.t),
+            front: hit.front,
         }
     }
 

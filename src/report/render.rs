@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::render::{Camera, Picture, Statistics, View};
+use super::words::grouped;
+use crate::render::{Camera, Cause, Differences, Picture, Statistics};
 
 /// Data of a picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -17,6 +18,8 @@ pub struct RenderReport {
     pub raykiln_version: &'static str,
     /// The file that is shown.
     pub input: PathBuf,
+    /// The file that it is compared with.
+    pub after: Option<PathBuf>,
     /// What is shown.
     pub view: &'static str,
     /// Description of the camera.
@@ -33,13 +36,23 @@ impl RenderReport {
     /// Schema of this version.
     pub const SCHEMA: &'static str = "raykiln.render/1";
 
+    /// Name of the view that compares two scenes.
+    pub const DIFFERENCE: &'static str = "difference";
+
     /// Returns the report of a picture.
-    pub fn of(input: &Path, view: View, camera: &Camera, picture: &Picture, warnings: Vec<String>) -> RenderReport {
+    pub fn of(
+        input: &Path,
+        view: &'static str,
+        camera: &Camera,
+        picture: &Picture,
+        warnings: Vec<String>,
+    ) -> RenderReport {
         RenderReport {
             schema: RenderReport::SCHEMA,
             raykiln_version: env!("CARGO_PKG_VERSION"),
             input: input.to_owned(),
-            view: view.name(),
+            after: None,
+            view,
             camera: camera.name().to_owned(),
             size: [picture.width, picture.height],
             statistics: picture.statistics.clone(),
@@ -47,9 +60,14 @@ impl RenderReport {
         }
     }
 
+    /// The same, compared with another file.
+    pub fn against(self, after: &Path) -> RenderReport {
+        RenderReport { after: Some(after.to_owned()), ..self }
+    }
+
     /// Returns the report as text.
     pub fn text(&self) -> String {
-        let Statistics { seen_ratio, values, steps } = &self.statistics;
+        let Statistics { seen_ratio, values, steps, boxes, differences } = &self.statistics;
         let [width, height] = self.size;
         let mut text = format!("{}, {width}x{height} pixels, {}\n", self.view, self.camera);
         if let Some(steps) = steps {
@@ -63,10 +81,26 @@ impl RenderReport {
         if let Some(values) = values {
             let _ = writeln!(text, "mean {:.2}, largest {:.0}, scale 0 to {}", values.mean, values.max, values.scale);
         }
-        if *seen_ratio == 0.0 {
+        boxes.iter().for_each(|&count| text += &format!("boxes: {}\n", grouped(count)));
+        differences.iter().for_each(|differences| text += &self.differences(differences));
+        if *seen_ratio == 0.0 && boxes.is_none() {
             text += "warning: the camera sees nothing of the scene\n";
         }
         self.warnings.iter().for_each(|warning| text += &format!("warning: {warning}\n"));
         text
+    }
+
+    fn differences(&self, differences: &Differences) -> String {
+        let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
+        let differ: u64 = Cause::ALL.iter().map(|cause| differences.pixels(*cause)).sum();
+        let causes = Cause::ALL.map(|cause| format!("{} {}", cause.name(), grouped(differences.pixels(cause))));
+        format!(
+            "mean absolute difference {:.4} of 255, largest {}; {} of {} pixels differ: {}\n",
+            differences.mean_absolute,
+            differences.largest,
+            grouped(differ),
+            grouped(pixels),
+            causes.join(", ")
+        )
     }
 }

@@ -118,12 +118,13 @@ impl View {
         }
     }
 
-    /// Returns an upright view from a point toward another one, with a vertical field of view in radians; `None` if the
+    /// Returns an upright, square view from a point toward another one, with a field of view in radians; `None` if the
     /// points are equal or too far apart, a number is not finite, or the field is not between 0 and a half turn.
     pub fn toward(name: String, eye: DVec3, target: DVec3, field: f64) -> Option<View> {
         let back = (eye - target).try_normalize().filter(|back| back.is_finite())?;
         let is_sound = eye.is_finite() && target.is_finite() && field > 0.0 && field < std::f64::consts::PI;
-        is_sound.then(|| View::upright(name, eye, back, field))
+        let projection = Projection::Perspective { half: [(0.5 * field).tan(); 2] };
+        is_sound.then(|| View { projection, ..View::upright(name, eye, back, field) })
     }
 
     /// Returns the view in a picture with another aspect ratio (width over height): it shows at least the same.

@@ -1,6 +1,6 @@
 //! The command `render`: the same bytes for any number of threads, and nothing left behind by bad input.
 
-use crate::common::{folder_names, gltf, raykiln, samples, write};
+use crate::common::{bake, folder_names, gltf, raykiln, samples, write};
 use raykiln::render::View;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -46,7 +46,11 @@ fn bad_input_is_one_error_and_leaves_nothing_behind() {
         gltf(CORNERS, [0, 1, 2], |json| json["scenes"][0]["nodes"] = serde_json::json!([])),
     );
     let png = folder.path().join("out.png");
-    let cases: [(&Path, &Path, &[&str], &str); 14] = [
+    let cases: [(&Path, &Path, &[&str], &str); 18] = [
+        (&scene, &png, &["--view", "difference"], "takes two scenes"),
+        (&scene, &png, &[scene.to_str().expect("UTF-8")], "difference only"),
+        (&scene, &png, &["--depth", "3"], "boxes only"),
+        (&scene, &png, &["--colours", "jet", "--view", "groups"], "heatmap, overlap only"),
         (&scene, &png, &["--size", "0x9"], "each side must be from 1"),
         (&scene, &png, &["--size", "16384x16384"], "at most"),
         (&scene, &png, &["--size", "9"], "--size"),
@@ -94,4 +98,41 @@ fn a_camera_of_the_file_is_found_by_number_and_name() {
     assert_eq!(named(&name).2, named("0").2);
     let (status, error, _) = named("7");
     assert!(status == 2 && error.contains(&name), "{error}");
+}
+
+/// Draws the difference of two scenes; returns the mean absolute difference and the pixels by cause.
+fn difference(before: &Path, after: &Path, more: &[&str]) -> (f64, [u64; 4]) {
+    let folder = TempDir::new().expect("a temporary folder");
+    let picture = folder.path().join("out.png");
+    let fixed = [after.to_str().expect("UTF-8"), "--view", "difference", "--size", "48x32", "--samples", "2", "--json"];
+    let ran = render(before, &picture, &[&fixed, more].concat());
+    assert!(ran.status == 0 && picture.is_file(), "{}", ran.stderr);
+    let differences = ran.json()["statistics"]["differences"].clone();
+    let pixels =
+        ["surface", "normal", "material", "light"].map(|cause| differences[format!("{cause}_pixels")].as_u64());
+    (differences["mean_absolute"].as_f64().expect("a number"), pixels.map(|count| count.expect("a number")))
+}
+
+#[test]
+fn a_bake_changes_no_pixel_and_a_wrong_texture_shows() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let input = sample("textured");
+    let baked = folder.path().join("baked.glb");
+    bake(&input, &baked, &["--method", "single"]);
+    let (mean, pixels) = difference(&input, &baked, &[]);
+    assert!(mean < 0.05 && pixels.iter().sum::<u64>() <= 4, "{mean} {pixels:?}");
+
+    let wrong = folder.path().join("wrong");
+    fs::create_dir(&wrong).expect("writable");
+    for entry in fs::read_dir(input.parent().expect("a folder")).expect("readable") {
+        let file = entry.expect("readable").path();
+        fs::copy(&file, wrong.join(file.file_name().expect("a name"))).expect("copied");
+    }
+    let images: Vec<PathBuf> =
+        folder_names(&wrong).iter().filter(|n| n.ends_with(".png")).map(|n| wrong.join(n)).collect();
+    assert_eq!(images.len(), 1);
+    // Any other picture will do.
+    assert_eq!(render(&input, &images[0], &["--view", "groups", "--size", "8x8"]).status, 0);
+    let (mean, [surface, normal, material, _]) = difference(&input, &wrong.join("scene.gltf"), &[]);
+    assert!(material > 20 && mean > 0.5 && surface + normal == 0, "{mean} {surface} {normal} {material}");
 }

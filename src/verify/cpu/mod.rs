@@ -17,4 +17,4 @@ mod tests_of_arithmetic;
 pub use reference::{Reference, TrueHit};
 pub use search::Steps;
 pub use tracer::{ComputingTracer, CpuTracer, Precision, Probe};
-pub use two_level::TwoLevel;
+pub use two_level::{LevelBox, TwoLevel};

@@ -125,7 +125,39 @@ impl TwoLevel {
     }
 }
 
+/// The box of a node of either level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelBox {
+    /// The box, in coordinates of its own.
+    pub bounds: Bounds,
+    /// World from those coordinates.
+    pub to_world: DAffine3,
+}
+
 impl TwoLevel {
+    /// Returns up to `most` boxes of the nodes at a depth of both levels together: the root of the top tree has depth 0,
+    /// and the children of its leaves are the roots of the meshes. A leaf of a mesh that is less deep counts too.
+    pub(crate) fn boxes_at(&self, depth: u32, most: usize) -> Vec<LevelBox> {
+        let mut found = Vec::new();
+        let mut stack: Vec<(Option<usize>, u32, u32)> = if self.top.is_empty() { vec![] } else { vec![(None, 0, 0)] };
+        while let Some((entry, at, level)) = stack.pop().filter(|_| found.len() < most) {
+            let nodes = entry.map_or(&self.top, |e| &self.bottom[self.entries[e].mesh as usize].nodes);
+            let node = &nodes[at as usize];
+            match (node.count, entry) {
+                (0, _) if level < depth => stack.extend([1, 0].map(|child| (entry, node.first + child, level + 1))),
+                (1.., None) if level < depth => stack.extend(node.items().rev().map(|e| (Some(e), 0, level + 1))),
+                _ => found.push(LevelBox { bounds: node.bounds(), to_world: self.to_world(entry) }),
+            }
+        }
+        found
+    }
+
+    /// Returns world from the scaled world, or from the scaled mesh of an entry.
+    fn to_world(&self, entry: Option<usize>) -> DAffine3 {
+        let unscaled = DAffine3::from_scale(DVec3::splat(1.0 / self.scale));
+        entry.map_or(unscaled, |entry| unscaled * self.entries[entry].to_world)
+    }
+
     /// Returns the two-level cost of the trees over an area of the scene, see [`TwoLevelCost::cost`]. As boxes are
     /// rounded outward, it may be larger by a few parts in a million; padded instances add to it.
     pub fn cost(&self, scene_area: f64) -> f64 {
