@@ -120,16 +120,24 @@ async function checkPane(page) {
   await page.check('#pane-boxes');
 }
 
-async function checkSlider(page) {
-  const sliders = await page.$$('.compare input');
-  for (const slider of sliders) {
-    const compare = await slider.evaluateHandle((input) => input.parentElement);
-    if (!(await compare.isVisible())) continue;
-    await slider.focus();
+async function checkSliders(page) {
+  const views = await page.$$eval('input[name="picture"]', (radios) => radios.map((radio) => radio.value));
+  assert.deepEqual(views, ['shaded', 'groups', 'heatmap']);
+  for (const view of views) {
+    await page.check(`input[name="picture"][value="${view}"]`);
+    const shown = await page.$$eval('.picture', (all) => all.filter((one) => one.checkVisibility()).map((one) => one.id));
+    assert.deepEqual(shown, [`picture-${view}`]);
+    const after = page.locator(`#picture-${view} img.after`);
+    const clip = () => after.evaluate((image) => getComputedStyle(image).clipPath);
+    assert.ok(await after.evaluate((image) => image.complete && image.naturalWidth > 0), `${view} is a picture`);
+    await page.focus(`#picture-${view} input`);
     await page.keyboard.press('Home');
-    assert.equal(await compare.evaluate((e) => getComputedStyle(e.querySelector('.after')).clipPath), 'inset(0px 0px 0px 0%)');
+    assert.equal(await clip(), 'inset(0px 0px 0px 0%)');
+    await page.keyboard.press('End');
+    assert.equal(await clip(), 'inset(0px 0px 0px 100%)');
+    await page.locator(`#picture-${view} input`).fill('50');
   }
-  return sliders.length;
+  await page.check('input[name="picture"][value="shaded"]');
 }
 
 async function checkTheme(page) {
@@ -156,7 +164,7 @@ async function checkBake(browser) {
   await checkNames(page);
   await checkSearch(page);
   await checkPane(page);
-  await checkSlider(page);
+  await checkSliders(page);
   await checkDownload(page);
   await checkAccessible(page, 'bake');
   await shoot(page, 'bake-1440');

@@ -89,7 +89,13 @@ pub fn compare_and_show(
         seconds: start.elapsed().as_secs_f64(),
         warnings: [warnings_before, warnings_after].concat(),
     };
-    Ok((report, show.then(|| Shown::of_both(&scene_before, &scene_after))))
+    let shown = show.then(|| -> Result<Shown, CommandError> {
+        // They were dropped, as tracing needs the memory.
+        let (doc_before, doc_after) = (raykiln_formats::read(before)?, raykiln_formats::read(after)?);
+        let shown = Shown::of_both(&scene_before, &scene_after);
+        Ok(shown.with_pictures((&doc_before, &scene_before), Some((&doc_after, &scene_after))))
+    });
+    Ok((report, shown.transpose()?))
 }
 
 /// A file that was read.

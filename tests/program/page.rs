@@ -98,24 +98,3 @@ fn a_scene_that_is_left_alone_has_a_page_of_one_scene() {
     let data = embedded(&page, "scene-data");
     assert!(page.contains("The scene stays as it is") && data["after"].is_null() && !data["before"].is_null());
 }
-
-#[test]
-fn a_page_of_a_failed_verification_says_so() {
-    let folder = TempDir::new().expect("a temporary folder");
-    let scene = |name: &str| samples().into_iter().find(|s| s.name == name).expect("the sample is there").scene;
-    let html = folder.path().join("page.html");
-    let [before, after] = ["woven", "clean"].map(|name| scene(name).display().to_string());
-    let ran = raykiln([
-        "verify",
-        &before,
-        &after,
-        "--device",
-        "cpu",
-        "--rays",
-        "500",
-        "--report",
-        html.to_str().expect("UTF-8"),
-    ]);
-    assert_eq!(ran.status, 1, "{}", ran.stderr);
-    assert!(fs::read_to_string(html).expect("a page").contains("The second file does not show the same as the input."));
-}

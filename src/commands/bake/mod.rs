@@ -136,6 +136,7 @@ pub fn bake(
     clock.enter(Stage::Verify);
     let machine = Machine::open(&options.verify.device)?;
     clock.enter(Stage::Read);
+    let source = options.show.then(|| input.clone());
     let (doc, input_hash) = read(input, &options.plan)?;
     let (scene, scene_warnings) = scene::load(&doc, &options.load)?;
     scene.check().map_err(|e| CommandError::Internal(e.0))?;
@@ -161,10 +162,11 @@ pub fn bake(
     });
     let hashes = input_hash.map(|input| planned(input, &tried.written.staged, &options.plan)).transpose()?;
     let input = Input::of(path, bytes, &scene);
-    let shown = options.show.then(|| {
+    let shown = source.map(|source| {
         clock.enter(Stage::Show);
-        if tried.written.unchanged { Shown::of(&scene) } else { Shown::of_both(&scene, &tried.after) }
+        tried.shown(source, &scene, output)
     });
+    let shown = shown.transpose()?;
     let done =
         Done { input, output, scene: &scene, warnings, before, findings, copies, chosen, seconds, tried, options };
     let (name, kind) = machine.name();
@@ -298,6 +300,21 @@ struct Tried {
 }
 
 impl Tried {
+    /// Gathers what a page shows. The documents, which have the textures, are read again, as tracing needed their memory.
+    fn shown(&self, source: Source, scene: &Scene, output: &Path) -> Result<Shown, raykiln_formats::Error> {
+        let doc = source.read()?;
+        if self.written.unchanged {
+            return Ok(Shown::of(scene).with_pictures((&doc, scene), None));
+        }
+        let mut doc_after = raykiln_formats::read(self.written.staged.path())?;
+        if doc.path.parent() == output.parent() {
+            // Its images stay where they are, beside the place of the output.
+            doc_after.path = output.to_owned();
+        }
+        let shown = Shown::of_both(scene, &self.after);
+        Ok(shown.with_pictures((&doc, scene), Some((&doc_after, &self.after))))
+    }
+
     /// Tries a layout; falls back to the unchanged input if the layout was chosen for its speed but turns out not to be
     /// faster, unless it is only smaller.
     fn or_left_alone(

@@ -193,6 +193,13 @@ mod tests {
     }
 
     #[test]
+    fn a_failed_verification_says_so_with_its_reason() {
+        let Headline { sentence, certainty, tone, .. } = headline(Verdict::Failed, 1.0, 0.1, MachineKind::Cpu);
+        assert_eq!((sentence.as_str(), tone), ("The baked scene does not show the same as the input.", "bad"));
+        assert_eq!(certainty.len(), 1, "no speed is claimed");
+    }
+
+    #[test]
     fn too_few_repeats_are_said() {
         let certainty = headline(Verdict::Faster, 1.5, f64::INFINITY, MachineKind::Gpu).certainty;
         assert!(certainty[0].contains("too few times"), "{certainty:?}");

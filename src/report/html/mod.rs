@@ -6,6 +6,7 @@
 
 mod charts;
 mod headline;
+mod pictures;
 mod preview;
 mod rows;
 mod shown;
@@ -18,6 +19,8 @@ use serde::Serialize;
 
 use self::charts::Chart;
 use self::headline::Headline;
+pub use self::pictures::Drawn;
+use self::pictures::Pair;
 use self::rows::Section;
 pub use self::shown::Shown;
 use self::text::{MOST_CHARACTERS, json_for_script, visible};
@@ -42,6 +45,8 @@ struct Page {
     headline: Headline,
     /// What the input consists of: values and words.
     counts: Vec<(String, String)>,
+    /// The same views of both files.
+    pictures: Vec<Pair>,
     /// The table of both files, or of one.
     sections: Vec<Section>,
     has_after: bool,
@@ -170,6 +175,7 @@ impl Page {
             files: vec![input.path.display().to_string()],
             headline: Headline::default(),
             counts: counts(input),
+            pictures: shown.map(|shown| shown.pictures.clone()).unwrap_or_default(),
             sections: Vec::new(),
             has_after,
             charts_of_speed: Vec::new(),

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::pictures::{self, Drawn, Pair};
 use super::preview::Preview;
 use super::text::{packed, visible};
 use crate::cost::overlap;
@@ -42,6 +43,8 @@ pub struct Shown {
     pub(super) overlaps: Sides<Vec<OverlappingPair>>,
     /// How many groups have how many triangles.
     pub(super) sizes: Sides<Vec<u64>>,
+    /// Pictures of both; empty if none were drawn.
+    pub(super) pictures: Vec<Pair>,
 }
 
 /// The groups and boxes of a scene.
@@ -121,7 +124,13 @@ impl Shown {
             links: Links::of(links),
             overlaps: both.map(worst_pairs),
             sizes: both.map(|scene| scene.meshes.iter().map(|m| m.triangle_count() as u64).collect()),
+            pictures: Vec::new(),
         }
+    }
+
+    /// Adds pictures, unless there is nothing to see.
+    pub fn with_pictures(self, before: Drawn, after: Option<Drawn>) -> Shown {
+        Shown { pictures: pictures::of(before, after, pictures::SIZE).unwrap_or_default(), ..self }
     }
 
     /// Returns the data that the page's scripts read, as JSON.

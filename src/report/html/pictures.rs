@@ -1,0 +1,136 @@
+//! The pictures of a page: the same views of both files, by one camera.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use raykiln_formats::Document;
+use serde::Serialize;
+
+use crate::render::{Camera, CameraChoice, Costs, Picture, RenderError, RenderOptions, Renderer, View};
+use crate::report::words::counted;
+use crate::scene::Scene;
+
+/// Width and height in pixels: small, as a page has up to six pictures and is made in a few seconds.
+pub(super) const SIZE: [u32; 2] = [640, 360];
+/// Samples per pixel of shaded pictures.
+const SAMPLES: u32 = 4;
+
+/// A scene and the document that it was loaded from, which has the textures.
+pub type Drawn<'a> = (&'a Document, &'a Scene);
+
+/// Pictures of one view of the input and of the output.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Pair {
+    /// Identifies it within the page.
+    id: &'static str,
+    title: &'static str,
+    caption: String,
+    width: u32,
+    height: u32,
+    /// A PNG as the address of an image.
+    before: String,
+    /// `None` if there is one file only.
+    after: Option<String>,
+}
+
+/// Draws the pictures of the input, and of the output by the same camera, in a width and height in pixels.
+///
+/// # Errors
+/// [`RenderError::Empty`] if there is nothing to see.
+pub(super) fn of(before: Drawn, after: Option<Drawn>, size: [u32; 2]) -> Result<Vec<Pair>, RenderError> {
+    let renderer = |(doc, scene)| Renderer::new(doc, scene);
+    let (before, after) = (renderer(before)?, after.map(renderer).transpose()?);
+    let camera = before.camera(&CameraChoice::Default)?;
+    let both = Both { before, after, camera, size };
+    let shaded = both.pair(View::Shaded, "shaded", "As it looks", "The surfaces with their materials.")?;
+    let caption = "One colour per group: a ray has to search each group whose box it enters.";
+    let groups = both.pair(View::Groups, "groups", "Groups", caption)?;
+    let heat = both.heat()?;
+    let bad = both.bad_images();
+    let note = if bad == 0 { String::new() } else { format!(" {} could not be read.", counted(bad, "image")) };
+    Ok(vec![Pair { caption: shaded.caption.clone() + &note, ..shaded }, groups, heat])
+}
+
+/// Both files and the camera.
+struct Both<'a> {
+    before: Renderer<'a>,
+    after: Option<Renderer<'a>>,
+    camera: Camera,
+    /// Of each picture, in pixels.
+    size: [u32; 2],
+}
+
+impl Both<'_> {
+    fn pair(&self, view: View, id: &'static str, title: &'static str, words: &str) -> Result<Pair, RenderError> {
+        let samples = (view == View::Shaded).then_some(SAMPLES);
+        let options = RenderOptions { size: self.size, samples, ..RenderOptions::default() };
+        let draw = |renderer: &Renderer| renderer.picture(view, &self.camera, &options);
+        let after = self.after.as_ref().map(draw).transpose()?;
+        let caption = format!("{words} View: {}.", self.camera.name());
+        Ok(Pair::of(id, title, caption, &draw(&self.before)?, after.as_ref()))
+    }
+
+    /// The heat maps, on one scale.
+    fn heat(&self) -> Result<Pair, RenderError> {
+        let options = RenderOptions { size: self.size, ..RenderOptions::default() };
+        let costs = |renderer: &Renderer| renderer.costs(&self.camera, &options);
+        let (before, after) = (costs(&self.before)?, self.after.as_ref().map(costs).transpose()?);
+        let all: Vec<&Costs> = [Some(&before), after.as_ref()].into_iter().flatten().collect();
+        let scale = Costs::scale(&all);
+        let draw = |costs: &Costs| costs.picture(options.colours, scale);
+        let (before, after) = (draw(&before), after.as_ref().map(draw));
+        let mean = |picture: &Picture| picture.statistics.values.map_or(0.0, |values| values.mean);
+        let means = match &after {
+            Some(after) => format!("{:.1} per ray before, {:.1} after", mean(&before), mean(after)),
+            None => format!("{:.1} per ray", mean(&before)),
+        };
+        let caption = format!("What each ray costs on the CPU: nodes, entries and triangle tests, {means} on average.");
+        Ok(Pair::of("heatmap", "Cost per pixel", caption, &before, after.as_ref()))
+    }
+
+    fn bad_images(&self) -> usize {
+        let renderers = [Some(&self.before), self.after.as_ref()];
+        renderers.into_iter().flatten().map(|renderer| renderer.bad_images().len()).max().unwrap_or(0)
+    }
+}
+
+impl Pair {
+    fn of(id: &'static str, title: &'static str, caption: String, before: &Picture, after: Option<&Picture>) -> Pair {
+        let address = |picture: &Picture| format!("data:image/png;base64,{}", STANDARD.encode(picture.png()));
+        Pair {
+            id,
+            title,
+            caption,
+            width: before.width,
+            height: before.height,
+            before: address(before),
+            after: after.map(address),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{LoadOptions, load};
+    use std::path::Path;
+
+    #[test]
+    fn each_view_has_a_picture_of_each_file() {
+        let doc = raykiln_formats::read(Path::new("samples/clean/scene.glb")).expect("a sample");
+        let (scene, _) = load(&doc, &LoadOptions::default()).expect("a scene");
+        for (after, expected) in [(None, false), (Some((&doc, &scene)), true)] {
+            let pairs = of((&doc, &scene), after, [64, 36]).expect("something to see");
+            assert_eq!(pairs.iter().map(|pair| pair.id).collect::<Vec<_>>(), ["shaded", "groups", "heatmap"]);
+            for pair in pairs {
+                assert_eq!(pair.after.is_some(), expected, "{}", pair.id);
+                assert!(pair.after.is_none_or(|after| after == pair.before), "the same scene looks the same");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_picture() {
+        let doc = raykiln_formats::read(Path::new("samples/clean/scene.glb")).expect("a sample");
+        assert!(of((&doc, &Scene::default()), None, [64, 36]).is_err());
+    }
+}
