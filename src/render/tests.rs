@@ -60,7 +60,7 @@ fn a_heat_map_counts_the_steps_of_each_ray() {
     assert!(values[8 * 16 + 8] >= 2.0 && values[8 * 16 + 8] <= 4.0, "{}", values[8 * 16 + 8]);
     assert_eq!(costs.mean().entries, 0.25);
     let scale = Costs::scale(&[&costs]);
-    assert!(scale >= 2.0 && scale <= 5.0, "{scale}");
+    assert!((2.0..=5.0).contains(&scale), "{scale}");
     let [one, two] = [1.0, 2.0].map(|more| costs.picture(ColourMap::Jet, scale * more));
     assert_ne!(one.pixel(8, 8), two.pixel(8, 8));
     assert_eq!(one.pixel(0, 0), Some(ColourMap::Jet.at(0.0)));
