@@ -57,7 +57,7 @@ fn a_heat_map_counts_the_steps_of_each_ray() {
     let values: Vec<f64> = costs.values().collect();
     assert_eq!(values[0], 0.0, "the corner of the picture misses the box");
     // One entry, and two triangles in one leaf or in two below an inner node.
-    assert!(values[8 * 16 + 8] >= 2.0 && values[8 * 16 + 8] <= 4.0, "{}", values[8 * 16 + 8]);
+    assert!((2.0..=4.0).contains(&values[8 * 16 + 8]), "{}", values[8 * 16 + 8]);
     assert_eq!(costs.mean().entries, 0.25);
     let scale = Costs::scale(&[&costs]);
     assert!((2.0..=5.0).contains(&scale), "{scale}");
