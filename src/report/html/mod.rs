@@ -89,7 +89,7 @@ struct Listed<T> {
 #[derive(Serialize)]
 struct Findings {
     list: Listed<Finding>,
-    /// How many rules were checked.
+    /// How many rules were checked; empty if that is not reported.
     checked: String,
 }
 
@@ -114,6 +114,7 @@ pub fn bake(report: &BakeReport, shown: Option<&Shown>) -> String {
         charts_of_speed: charts::speed(&report.verify, &report.overall).into_iter().collect(),
         charts_of_layouts: charts::candidates(&report.method),
         charts_of_time: vec![charts::seconds(&report.seconds)],
+        findings: Some(Findings { list: Listed::of(report.findings.iter().cloned()), checked: String::new() }),
         choice: Some(report.method.reason.clone()),
         candidates: candidates(&report.method),
         applied: passes(true),
