@@ -37,13 +37,7 @@ pub(super) fn message(broken: &Broken, count: u64) -> String {
             has("encloses", "enclose"),
             times(*area_ratio)
         ),
-        Broken::Needles { triangles, worst, mean, .. } => format!(
-            "{} of {} {} long, thin and diagonal: they cover {mean:.4} of the surface area of their boxes in the mean, {worst:.1e} \
-             at least",
-            counted(*triangles as usize, "triangle"),
-            n("mesh"),
-            if *triangles == 1 { "is" } else { "are" }
-        ),
+        Broken::Needles { triangles, worst, mean, .. } => needles(count, *triangles, *mean, *worst),
         Broken::NotOpaque { area_ratio, opaque_all_the_same, .. } => not_opaque(*area_ratio, opaque_all_the_same),
         Broken::Degenerate { triangles, not_finite } => degenerate(*triangles, *not_finite, count),
         Broken::Small { .. } => format!("the BLASes of {} are smaller than an allocation of 64 KiB", n("mesh")),
@@ -71,16 +65,28 @@ pub(super) fn message(broken: &Broken, count: u64) -> String {
             n("instance"),
             has("is", "are")
         ),
-        Broken::Nested { assemblies, depth, .. } => {
-            let nested = if *depth > 1 { format!(", nested {depth} deep") } else { String::new() };
-            format!(
-                "{} of several meshes {} placed {} times{nested}",
-                counted(*assemblies, "assembly"),
-                be(*assemblies),
-                grouped(count)
-            )
-        }
+        Broken::Nested { assemblies, depth, .. } => nested(count, *assemblies, *depth),
     }
+}
+
+fn needles(count: u64, triangles: u64, mean: f64, worst: f64) -> String {
+    format!(
+        "{} of {} {} long, thin and diagonal: they cover {mean:.4} of the surface area of their boxes in the mean, {worst:.1e} at \
+         least",
+        counted(triangles as usize, "triangle"),
+        counted(count as usize, "mesh"),
+        be(triangles as usize)
+    )
+}
+
+fn nested(count: u64, assemblies: usize, depth: usize) -> String {
+    let nested = if depth > 1 { format!(", nested {depth} deep") } else { String::new() };
+    format!(
+        "{} of several meshes {} placed {} times{nested}",
+        counted(assemblies, "assembly"),
+        be(assemblies),
+        grouped(count)
+    )
 }
 
 fn be(count: usize) -> &'static str {
