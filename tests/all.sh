@@ -99,6 +99,9 @@ if [ -n "$lacking" ]; then
   step "set-up" install_missing
 fi
 
+# What builds once is not worth preparing for a second build.
+[ -z "${CI:-}" ] || export CARGO_INCREMENTAL=0
+
 # Random cases are the same in every run; PROPTEST_RNG_SEED=N tests/all.sh generates others.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 
