@@ -89,6 +89,14 @@ fn pages_are_small_hold_their_report_and_work_in_a_browser_whatever_the_names() 
 }
 
 #[test]
+fn the_pictures_of_the_readme_are_current() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/pictures.sh");
+    let ran = Command::new("bash").arg(script).arg("--check").env("RAYKILN", env!("CARGO_BIN_EXE_raykiln")).output();
+    let ran = ran.expect("bash is installed");
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+}
+
+#[test]
 fn a_scene_that_is_left_alone_has_a_page_of_one_scene() {
     let folder = TempDir::new().expect("a temporary folder");
     let sample = samples().into_iter().find(|s| s.name == "clean").expect("the sample is there").scene;
