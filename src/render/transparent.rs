@@ -19,7 +19,7 @@ const MOST_HITS: usize = 1024;
 const HALF: f32 = 32.0;
 /// Side of a square of the ground in pixels, and the light of its two kinds.
 const SQUARE: u32 = 12;
-const GROUND: [f32; 2] = [0.80, 0.55];
+const GROUND: [f32; 2] = [0.92, 0.86];
 
 /// Draws all surfaces on each ray, in the colours of their instances.
 pub(super) fn picture(renderer: &Renderer, frame: &Frame, colours: &[Vec3]) -> Picture {
