@@ -42,11 +42,12 @@ fn gltf_samples() -> impl Iterator<Item = crate::common::Sample> {
     samples().into_iter().filter(|s| s.scene.extension().is_some_and(|e| e != "obj"))
 }
 
-/// What an operation really loses of a sample: all tools drop an extension that they do not know, and gltfpack turns the
-/// carousel, whose keys are half a turn apart, the other way.
+/// What an operation really loses of a sample: all tools drop an extension that they do not know. gltfpack turns the
+/// carousel, whose keys are half a turn apart, the other way, and its grid is as coarse as the sky dome is large.
 fn loss(sample: &str, operation: &str) -> Option<&'static str> {
     match (sample, operation) {
         ("hierarchy", _) => Some("ACME_spin"),
+        ("findings", "gltfpack") => Some("triangles missing"),
         ("animated", "gltfpack" | "gltfpack-noq") => Some("animation-keys: carousel.rotation"),
         _ => None,
     }
