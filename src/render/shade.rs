@@ -26,6 +26,10 @@ const LEAST: f32 = 0.01;
 const LAMP: [f32; 2] = [1.1, 0.85];
 /// Light that comes from nowhere: over more than one bounce.
 const AMBIENT: f32 = 0.2;
+/// Mean luminance of a picture that needs no more light, the most that it gets in powers of two, and in which steps.
+const LIGHT_ENOUGH: f64 = 0.2;
+const MOST_STOPS: f64 = 2.5;
+const STEPS_PER_STOP: f64 = 2.0;
 /// Share of light that glass and other smooth surfaces reflect head-on.
 const REFLECTED: f32 = 0.04;
 
@@ -49,13 +53,24 @@ pub(super) fn picture(renderer: &Renderer, frame: &Frame) -> Picture {
                 sum += light.min(Vec3::splat(4.0));
                 hits += u32::from(is_hit);
             }
-            (encoded(sum / frame.samples as f32), hits)
+            (sum / frame.samples as f32, hits)
         },
     );
     let hits: u64 = of_pixels.iter().map(|(_, hits)| u64::from(*hits)).sum();
     let seen_ratio = hits as f64 / (of_pixels.len() as f64 * f64::from(frame.samples));
-    let pixels = of_pixels.into_iter().map(|(colour, _)| colour).collect();
+    let exposure = exposure(of_pixels.iter().map(|(light, _)| *light));
+    let pixels = of_pixels.into_iter().map(|(light, _)| encoded(exposure * light)).collect();
     Picture::of(frame.size, pixels, Statistics { seen_ratio, ..Statistics::default() })
+}
+
+/// Returns the factor that makes a dark picture light enough. It has few values, so that pictures of two files that show
+/// the same have the same one.
+fn exposure(pixels: impl ExactSizeIterator<Item = Vec3>) -> f32 {
+    let count = pixels.len() as f64;
+    let luminance = |light: Vec3| f64::from(light.dot(Vec3::new(0.2126, 0.7152, 0.0722)).min(1.0));
+    let mean = pixels.map(luminance).sum::<f64>() / count;
+    let stops = (LIGHT_ENOUGH / mean.max(1e-6)).log2().clamp(0.0, MOST_STOPS);
+    ((STEPS_PER_STOP * stops).floor() / STEPS_PER_STOP).exp2() as f32
 }
 
 impl<'r, 'a> Shader<'r, 'a> {
@@ -206,4 +221,17 @@ fn mirrored(look: &Look, ray: &Ray) -> Vec3 {
 fn passing(look: &Look, ray: &Ray) -> Vec3 {
     let through = look.base * look.transmission * (Vec3::ONE - mirrored(look, ray)) * (1.0 - look.metallic);
     Vec3::splat(1.0 - look.alpha) + look.alpha * through
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dark_pictures_get_more_light_in_steps_and_light_ones_none() {
+        let of = |light: f32| exposure([Vec3::splat(light); 9].into_iter());
+        assert_eq!((of(0.9), of(0.2)), (1.0, 1.0));
+        assert!((of(0.049) - 4.0).abs() < 1e-6 && of(0.0501) == of(0.055));
+        assert_eq!(of(0.0), of(1e-4));
+    }
 }
