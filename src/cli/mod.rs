@@ -32,7 +32,7 @@ pub use memory::end as end_without_memory;
 
 use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
-use reports::{Reports, StagedReports, sarif_and_others};
+use reports::{Format, Reports, StagedReports};
 
 /// Exit status of a failed verification or fit, and of findings that `--fail-on` names.
 const FAILED: u8 = 1;
@@ -102,10 +102,8 @@ fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) ->
             options
         }
     };
-    let (sarif, others) = sarif_and_others(&arguments.report);
-    let reports = Reports::check(&others, &[&arguments.input, &arguments.output])?;
-    let sarif = Reports::check_sarif(&sarif, &[&arguments.input, &arguments.output])?;
-    options.show = reports.have_page();
+    let reports = Reports::check_with_findings(&arguments.report, &[&arguments.input, &arguments.output])?;
+    options.show = reports.have(Format::Page);
     let plans = Reports::check_plan(&arguments.write_plan, &[&arguments.input, &arguments.output])?;
     let mut progress = Progress::new(output.quiet);
     let baked = bake::bake(arguments.input.as_path().into(), &arguments.output, &options, &mut |stage| {
@@ -116,11 +114,14 @@ fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) ->
     let json = report::json::to_json(&report);
     let plan = hashes.filter(|_| scene.is_some()).map(|hashes| {
         let plan = PlanFile::of(&report, &hashes, device, plan::options(bake_matches));
-        plans.stage(&report::json::to_json(&plan), String::new)
+        plans.stage(|_| report::json::to_json(&plan).into())
     });
-    let sarif = sarif.stage(&report::to_sarif(&report.input.path, &report.findings), String::new)?;
-    let reports = reports.stage(&json, || report::html::bake(&report, shown.as_ref()))?;
-    let staged = [Some(reports), Some(sarif), plan.transpose()?];
+    let reports = reports.stage(|format| match format {
+        Format::Json => json.as_str().into(),
+        Format::Page => report::html::bake(&report, shown.as_ref()).into(),
+        Format::Sarif => report::to_sarif(&report.input.path, &report.findings).into(),
+    })?;
+    let staged = [Some(reports), plan.transpose()?];
     // Printed before anything is in place: if it fails, there must be no output.
     if arguments.json {
         print(json.as_bytes())?;
@@ -152,11 +153,15 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     progress.enter("verifying");
     let by = arguments.match_by.into();
     let options = arguments.verify.options();
-    let compared = verify::compare_and_show(&arguments.before, &arguments.after, by, &options, reports.have_page());
+    let compared =
+        verify::compare_and_show(&arguments.before, &arguments.after, by, &options, reports.have(Format::Page));
     progress.finish();
     let (report, shown) = compared?;
     let json = report::json::to_json(&report);
-    let reports = reports.stage(&json, || report::html::verify(&report, shown.as_ref()))?;
+    let reports = reports.stage(|format| match format {
+        Format::Page => report::html::verify(&report, shown.as_ref()).into(),
+        _ => json.as_str().into(),
+    })?;
     if arguments.json {
         print(json.as_bytes())?;
     } else if !output.quiet {
@@ -173,25 +178,25 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
 }
 
 fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode> {
-    let (sarif, others) = sarif_and_others(&arguments.report);
-    let reports = Reports::check(&others, &[&arguments.input])?;
-    let sarif = Reports::check_sarif(&sarif, &[&arguments.input])?;
+    let reports = Reports::check_with_findings(&arguments.report, &[&arguments.input])?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
     let load = LoadOptions { strict: arguments.strict, keep: Vec::new() };
-    let inspected = inspect::inspect_and_show(arguments.input.as_path().into(), &load, reports.have_page());
+    let inspected = inspect::inspect_and_show(arguments.input.as_path().into(), &load, reports.have(Format::Page));
     progress.finish();
     let (report, shown) = inspected?;
     let json = report::json::to_json(&report);
-    let reports = reports.stage(&json, || report::html::inspect(&report, shown.as_ref()))?;
-    let sarif = sarif.stage(&report::to_sarif(&report.input.path, &report.findings), String::new)?;
+    let reports = reports.stage(|format| match format {
+        Format::Json => json.as_str().into(),
+        Format::Page => report::html::inspect(&report, shown.as_ref()).into(),
+        Format::Sarif => report::to_sarif(&report.input.path, &report.findings).into(),
+    })?;
     if arguments.json {
         print(json.as_bytes())?
     } else {
         print(report::text::inspect(&report).as_bytes())?
     };
     reports.commit()?;
-    sarif.commit()?;
     let broken = FailOn::rules_met(&arguments.fail_on, &report.findings);
     if broken.is_empty() {
         return Ok(ExitCode::SUCCESS);

@@ -1,11 +1,38 @@
 //! The files that a report is written to: staged in hidden folders beside their places, then renamed.
 
+use std::borrow::Cow;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use raykiln_formats::staging::{Folder, Hold};
+
+/// What a report or a plan is written as, by the extension of its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    Json,
+    /// A page of HTML.
+    Page,
+    /// Findings as SARIF.
+    Sarif,
+}
+
+impl Format {
+    const ALL: [Format; 3] = [Format::Json, Format::Page, Format::Sarif];
+
+    fn extension(self) -> &'static str {
+        match self {
+            Format::Json => "json",
+            Format::Page => "html",
+            Format::Sarif => "sarif",
+        }
+    }
+
+    fn is_of(self, file: &Path) -> bool {
+        file.extension().is_some_and(|e| e.eq_ignore_ascii_case(self.extension()))
+    }
+}
 
 /// Files that a report or a plan can be written to.
 pub(super) struct Reports<'a> {
@@ -16,40 +43,44 @@ pub(super) struct Reports<'a> {
 impl<'a> Reports<'a> {
     /// Rejects files that cannot be written, before any work is done. `taken` are the command's other files.
     pub(super) fn check(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
-        Reports::check_option("--report", files, &["json", "html"], taken)
+        Reports::check_option("--report", files, &[Format::Json, Format::Page], taken)
     }
 
-    /// Rejects files that findings cannot be written to.
-    pub(super) fn check_sarif(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
-        Reports::check_option("--report", files, &["sarif"], taken)
+    /// Like [`Reports::check`], for a report that has findings.
+    pub(super) fn check_with_findings(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
+        Reports::check_option("--report", files, &Format::ALL, taken)
     }
 
     /// Rejects a plan that cannot be written.
     pub(super) fn check_plan(file: &'a Option<PathBuf>, taken: &[&Path]) -> Result<Self> {
-        Reports::check_option("--write-plan", file.as_slice(), &["json"], taken)
+        Reports::check_option("--write-plan", file.as_slice(), &[Format::Json], taken)
     }
 
-    fn check_option(option: &'static str, files: &'a [PathBuf], extensions: &[&str], taken: &[&Path]) -> Result<Self> {
+    fn check_option(option: &'static str, files: &'a [PathBuf], formats: &[Format], taken: &[&Path]) -> Result<Self> {
         for file in files {
-            check(file, extensions, taken).with_context(|| format!("{option} {}", file.display()))?;
+            check(file, formats, taken).with_context(|| format!("{option} {}", file.display()))?;
         }
         Ok(Reports { option, files })
     }
 
-    /// Whether a file is to be a page.
-    pub(super) fn have_page(&self) -> bool {
-        self.files.iter().any(|file| is_page(file))
+    /// Whether a file has a format.
+    pub(super) fn have(&self, format: Format) -> bool {
+        self.files.iter().any(|file| format.is_of(file))
     }
 
-    /// Writes a report to all files, but does not put them in place yet. `page` is called if a file is to be a page.
-    pub(super) fn stage(&self, json: &str, page: impl FnOnce() -> String) -> Result<StagedReports> {
-        let page = self.have_page().then(page).unwrap_or_default();
-        let stage = |file: &PathBuf| {
-            let text = if is_page(file) { &page } else { json };
-            let staged = Staged::new(file).and_then(|staged| fs::write(&staged.from, text).map(|()| staged));
-            staged.with_context(|| format!("{} {}: cannot be written", self.option, file.display()))
-        };
-        Ok(StagedReports(self.files.iter().map(stage).collect::<Result<_>>()?))
+    /// Writes a report to all files, but does not put them in place yet. `text` is called once for each format that a file
+    /// has.
+    pub(super) fn stage<'t>(&self, text: impl Fn(Format) -> Cow<'t, str>) -> Result<StagedReports> {
+        let mut staged = Vec::new();
+        for format in Format::ALL.into_iter().filter(|format| self.have(*format)) {
+            let text = text(format);
+            for file in self.files.iter().filter(|file| format.is_of(file)) {
+                let written = Staged::new(file).and_then(|of| fs::write(&of.from, text.as_bytes()).map(|()| of));
+                let written = written.with_context(|| format!("{} {}: cannot be written", self.option, file.display()));
+                staged.push(written?);
+            }
+        }
+        Ok(StagedReports(staged))
     }
 }
 
@@ -83,8 +114,9 @@ impl Staged {
     }
 }
 
-fn check(file: &Path, extensions: &[&str], taken: &[&Path]) -> Result<()> {
-    let is_known = extensions.iter().any(|extension| has_extension(file, extension));
+fn check(file: &Path, formats: &[Format], taken: &[&Path]) -> Result<()> {
+    let is_known = formats.iter().any(|format| format.is_of(file));
+    let extensions: Vec<&str> = formats.iter().map(|format| format.extension()).collect();
     ensure!(is_known, "only files with the extension .{} can be written", extensions.join(" or ."));
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "there is no folder {}", folder.display());
@@ -94,20 +126,6 @@ fn check(file: &Path, extensions: &[&str], taken: &[&Path]) -> Result<()> {
     ensure!(!taken.iter().any(|other| self::place(other) == place), "is the scene itself");
     Staged::new(file).with_context(|| format!("the folder {} cannot be written to", folder.display()))?;
     Ok(())
-}
-
-fn has_extension(file: &Path, extension: &str) -> bool {
-    file.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
-}
-
-/// Whether a report is written to a file as a page.
-fn is_page(file: &Path) -> bool {
-    has_extension(file, "html")
-}
-
-/// Parts files into those that findings are written to as SARIF, and the others.
-pub(super) fn sarif_and_others(files: &[PathBuf]) -> (Vec<PathBuf>, Vec<PathBuf>) {
-    files.iter().cloned().partition(|file| has_extension(file, "sarif"))
 }
 
 /// The file that a path leads to, whether it exists or not.
