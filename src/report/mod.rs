@@ -413,6 +413,21 @@ mod tests {
     use crate::verify::MachineKind;
     use crate::verify::weights::Weights;
 
+    /// A speed that is the same in all views.
+    pub(super) fn speed(measured_on: MachineKind, speedup_ratio: f64, spread_ratio: f64) -> Speed {
+        Speed {
+            measured_on,
+            before_mrays_per_s: 10.0,
+            after_mrays_per_s: 10.0 * speedup_ratio,
+            speedup_ratio,
+            spread_ratio,
+            repeats_spread_ratio: spread_ratio,
+            views_spread_ratio: 0.0,
+            least_view_ratio: speedup_ratio,
+            most_view_ratio: speedup_ratio,
+        }
+    }
+
     /// A candidate with a sampled cost.
     pub(super) fn candidate(id: impl Into<PlanId>, sampled_cost: f64) -> Candidate {
         let written = Candidate::written(id.into(), String::new(), &Metrics::default(), 0.5);

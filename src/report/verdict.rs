@@ -84,22 +84,8 @@ fn repeatable(decided_by: DecidedBy) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::super::Candidate;
-    use super::super::tests::{method, verification};
+    use super::super::tests::{method, speed, verification};
     use super::*;
-
-    fn speed(measured_on: MachineKind, speedup_ratio: f64, spread_ratio: f64) -> Speed {
-        Speed {
-            measured_on,
-            before_mrays_per_s: 10.0,
-            after_mrays_per_s: 10.0 * speedup_ratio,
-            speedup_ratio,
-            spread_ratio,
-            repeats_spread_ratio: spread_ratio,
-            views_spread_ratio: 0.0,
-            least_view_ratio: speedup_ratio,
-            most_view_ratio: speedup_ratio,
-        }
-    }
 
     fn said(verdict: Verdict, overall: Speed, decided_by: DecidedBy) -> String {
         let speed_by = if overall.measured_on == MachineKind::Cpu { SpeedBy::Steps } else { SpeedBy::Seconds };

@@ -160,20 +160,10 @@ fn capitalised(phrase: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::tests::verification;
+    use crate::report::tests::{speed, verification};
 
     fn headline(verdict: Verdict, speedup_ratio: f64, spread_ratio: f64, measured_on: MachineKind) -> Headline {
-        let overall = Speed {
-            measured_on,
-            before_mrays_per_s: 1.0,
-            after_mrays_per_s: speedup_ratio,
-            speedup_ratio,
-            spread_ratio,
-            repeats_spread_ratio: spread_ratio,
-            views_spread_ratio: 0.0,
-            least_view_ratio: speedup_ratio,
-            most_view_ratio: speedup_ratio,
-        };
+        let overall = speed(measured_on, speedup_ratio, spread_ratio);
         of_verdict(verdict, &overall, &verification(), "the baked scene")
     }
 

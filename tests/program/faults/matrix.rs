@@ -170,24 +170,11 @@ fn outputs_without_fault_pass() {
     }
 }
 
-/// The key of a fault in triangles in JSON.
-fn name_of(kind: FaultKind) -> &'static str {
-    match kind {
-        FaultKind::Missing => "missing",
-        FaultKind::Repeated => "repeated",
-        FaultKind::Unknown => "unknown",
-        FaultKind::WrongMaterial => "of another material",
-        FaultKind::Flipped => "flipped",
-        FaultKind::Moved => "moved",
-        FaultKind::Elsewhere => "elsewhere",
-    }
-}
-
 #[test]
 fn the_documentation_lists_all_faults_and_kinds_of_differences() {
     let mut table = String::from("| fault | found as |\n| --- | --- |\n");
     for fault in faults() {
-        let triangles = fault.triangles.iter().map(|kind| format!("triangles {}", name_of(*kind)));
+        let triangles = fault.triangles.iter().map(|kind| format!("triangles {kind}"));
         let contents = fault.found_as.iter().map(|kind| format!("`{}`", kind.name()));
         let kinds: Vec<String> = triangles.chain(contents).collect();
         table += &format!("| {} | {} |\n", fault.name, kinds.join(", "));
