@@ -33,6 +33,7 @@ use rayon::prelude::*;
 
 use crate::cost::bytes;
 use crate::layout::seams;
+use crate::parallel;
 use crate::scene::{Instance, MeshId, Overlay, Scene, StandIn, TriangleOrder};
 use align::Alignment;
 use shape::Shape;
@@ -327,7 +328,7 @@ impl Search<'_> {
             let model = Shape::new(self.doc, self.scene, group[at].mesh, self.options.materials);
             let distances = model.distances();
             let found: Vec<Option<CopiedMesh>> =
-                alike.par_iter().map(|&other| self.copy((&model, &distances), &group[at], &group[other])).collect();
+                parallel::map_each(&alike, &|&other| self.copy((&model, &distances), &group[at], &group[other]));
             for (&other, found) in alike.iter().zip(found) {
                 is_copy[other] = found.is_some();
                 attempts[other] += 1;

@@ -4,12 +4,12 @@ use std::hash::Hasher;
 
 use glam::DVec3;
 use raykiln_formats::Document;
-use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHasher};
 
 use super::fit::stretch;
 use super::shape::{Shape, kind, mixed};
 use super::{Likeness, Materials, Options};
+use crate::parallel;
 use crate::scene::{Geometry, Mesh, MeshId, Scene};
 
 /// Number of order statistics of the corners' distances from their mean, and of the sides' lengths.
@@ -59,7 +59,7 @@ pub(super) fn of_all(doc: &Document, scene: &Scene, meshes: &[MeshId], options: 
         let budget = limit / stretches[mesh.0 as usize];
         Signature::new(&Shape::new(doc, scene, mesh, options.materials), mesh, budget, options)
     };
-    meshes.par_iter().map(of).collect()
+    parallel::map_each(meshes, &of)
 }
 
 impl Signature {

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use rayon::prelude::*;
 
 use crate::layout::{Content, Layout, PlacedTrees};
+use crate::parallel;
 use crate::scene::{Bounds, Geometry, Mesh, MeshId, Scene};
 use crate::tree::{Quality, Tree};
 
@@ -17,7 +17,7 @@ pub struct MeshTrees(Vec<Option<Arc<Tree>>>);
 impl MeshTrees {
     /// Builds the trees of all meshes.
     pub fn build(scene: &Scene) -> MeshTrees {
-        MeshTrees(scene.meshes.par_iter().map(|mesh| Some(Arc::new(tree(mesh)))).collect())
+        MeshTrees(parallel::map(scene.meshes.len(), &|m| Some(Arc::new(tree(&scene.meshes[m])))))
     }
 
     /// Returns the trees of `scene`, which was read from the output written for the scene `of`, whose trees are `self`.
@@ -34,7 +34,7 @@ impl MeshTrees {
             let known = of_written.or_else(of_same);
             Some(known.unwrap_or_else(|| Arc::new(tree(mesh))))
         };
-        MeshTrees(scene.meshes.par_iter().enumerate().map(tree).collect())
+        MeshTrees(parallel::map(scene.meshes.len(), &|m| tree((m, &scene.meshes[m]))))
     }
 
     /// Returns the known trees of the meshes that a layout results in ([`crate::layout::stored`]): those of groups that
@@ -45,7 +45,7 @@ impl MeshTrees {
             Content::Piece { .. } => None,
             Content::Baked { .. } => placed.of_group(scene, content).map(Arc::new),
         };
-        MeshTrees(layout.groups.par_iter().map(|group| known(&group.content)).collect())
+        MeshTrees(parallel::map_each(&layout.groups, &|group| known(&group.content)))
     }
 
     /// Returns the tree of a mesh, if it is known.

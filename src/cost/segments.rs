@@ -9,7 +9,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::surface::{self, SplitMix64};
-use crate::parallel::CHEAP_ELEMENTS;
+use crate::parallel::{self, CHEAP_ELEMENTS};
 use crate::scene::{Bounds, Mesh, Scene};
 use crate::tree::{Quality, Tree};
 
@@ -188,7 +188,7 @@ impl<'a> Placed<'a> {
     fn cut_all(&self, segments: &[Segment], start: f64) -> Vec<Segment> {
         let (mut cut, mut entries) = (Vec::with_capacity(segments.len()), 0);
         for block in segments.chunks(BLOCK) {
-            let of_block: Vec<(Segment, u64)> = block.par_iter().map(|&s| self.cut_at_hit(s, start)).collect();
+            let of_block: Vec<(Segment, u64)> = parallel::map_each(block, &|&s| self.cut_at_hit(s, start));
             entries += of_block.iter().map(|(_, entries)| entries).sum::<u64>();
             cut.extend(of_block.into_iter().map(|(segment, _)| segment));
             if entries > MOST_ENTRIES {

@@ -1,11 +1,10 @@
 //! The acceleration structures of a layout: a tree over the triangles of each group, and one over its placements.
 
-use rayon::prelude::*;
-
 use super::mesh_trees::MeshTrees;
 use super::sah::FaceAreas;
 use crate::layout::store::Store;
 use crate::layout::{Content, Group, Layout, Placement};
+use crate::parallel;
 use crate::scene::{Bounds, Scene};
 use crate::tree::{Quality, Tree};
 
@@ -39,7 +38,7 @@ impl Structure {
 
     /// Like [`Structure::build`], with known trees of the scene's meshes.
     pub fn build_with(scene: &Scene, layout: &Layout, trees: &MeshTrees) -> Structure {
-        let blas: Vec<Blas> = layout.groups.par_iter().map(|group| Blas::build(scene, group, trees)).collect();
+        let blas: Vec<Blas> = parallel::map_each(&layout.groups, &|group| Blas::build(scene, group, trees));
         let world_box = |p: &Placement| blas[p.group as usize].bounds.transformed(&p.transform);
         let boxes: Vec<Bounds> = layout.placements.iter().map(world_box).collect();
         let tlas = Tree::build_usable(&boxes, Quality::Instances);

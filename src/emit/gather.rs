@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use crate::layout::store::{Part, Store, Vertices, rounding_error};
 use crate::layout::{Content, GroupGeometry};
+use crate::parallel;
 use crate::scene::Scene;
 
 /// Up to this many vertices are indexed with 16 bits; 65,535 itself is glTF's primitive restart value.
@@ -66,7 +67,7 @@ pub(super) fn gather(sources: &Sources, content: &Content) -> Option<Gathered> {
     };
     let store = Store::new(sources.scene, content);
     let gathered: Vec<(NewPrimitive, f64)> =
-        geometries.par_iter().map(|geometry| gather_geometry(sources, &store, geometry)).collect();
+        parallel::map_each(geometries, &|geometry| gather_geometry(sources, &store, geometry));
     let position_error = gathered.iter().map(|(_, error)| *error).fold(0.0, f64::max);
     Some(Gathered { primitives: gathered.into_iter().map(|(primitive, _)| primitive).collect(), position_error })
 }

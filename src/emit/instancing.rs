@@ -19,6 +19,7 @@ use rayon::prelude::*;
 use super::nodes::Shared;
 use crate::layout::store::Store;
 use crate::layout::{Content, Layout, Placement};
+use crate::parallel;
 use crate::scene::{Bounds, InstanceId, Scene, most_stretch};
 
 /// How several instances of a mesh are written.
@@ -172,7 +173,7 @@ impl Batch {
         let bounds = Store::new(scene, &layout.groups[group as usize].content).bounds();
         let copies_around = |center: DVec3| -> Vec<Option<Copy>> {
             let copy = |&at: &usize| Copy::of(&layout.placements[at], &bounds, center, stored);
-            placements.par_iter().map(copy).map(|copy| copy.filter(|c| c.error <= most)).collect()
+            parallel::map_each(&placements, &|at| copy(at).filter(|c| c.error <= most))
         };
         let count = |copies: &[Option<Copy>]| copies.iter().flatten().count();
         let (mut center, mut copies) = (DVec3::ZERO, copies_around(DVec3::ZERO));

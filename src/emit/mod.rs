@@ -28,9 +28,9 @@ pub use precision::{Refuse, Settled, settle};
 
 use raykiln_formats::Document;
 use raykiln_formats::edit::CannotPrune;
-use rayon::prelude::*;
 
 use crate::layout::{Content, Group, Layout, Placement};
+use crate::parallel;
 use crate::scene::{Scene, most_stretch};
 use gather::{Gathered, Sources};
 use instancing::Batches;
@@ -83,7 +83,7 @@ pub struct Options {
 pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -> Emitted {
     let sources = Sources::new(doc, scene);
     let gathered: Vec<Option<Gathered>> =
-        layout.groups.par_iter().map(|group| gather::gather(&sources, &group.content)).collect();
+        parallel::map_each(&layout.groups, &|group| gather::gather(&sources, &group.content));
     let error_of = |(group, gathered): (&Group, &Option<Gathered>)| match (gathered, &group.content) {
         (None, Content::Kept(mesh)) => scene.meshes[mesh.0 as usize].reading_error(),
         (gathered, _) => gathered.as_ref().map_or(0.0, |g| g.position_error),

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::layout::seams::{self, Class};
 use crate::layout::store::{Store, rounding_error};
 use crate::layout::{Content, Group, GroupGeometry, Layout, is_single_precision};
-use crate::parallel::CHEAP_ELEMENTS;
+use crate::parallel::{self, CHEAP_ELEMENTS};
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef, most_stretch};
 
 /// The result of [`settle`].
@@ -264,7 +264,7 @@ fn errors_of_shared(scene: &Scene, layout: &Layout) -> Vec<f64> {
         }
         (0..store.len()).flat_map(|t| store.corners(t)).map(rounding_error).fold(0.0, f64::max)
     };
-    layout.groups.par_iter().map(of_group).collect()
+    parallel::map_each(&layout.groups, &of_group)
 }
 
 /// Returns the world box of a group's triangles.

@@ -6,13 +6,13 @@ use rayon::prelude::*;
 
 use super::store::{Store, Vertices};
 use crate::layout::{Content, GroupGeometry, Layout};
-use crate::parallel::CHEAP_ELEMENTS;
+use crate::parallel::{self, CHEAP_ELEMENTS};
 use crate::scene::{AlphaTest, AlphaTexture, Geometry, Instance, Known, Mesh, MeshId, Scene, TriangleRef};
 
 /// Returns the scene of a layout: one mesh per group and one instance per placement, in their order, with positions as
 /// they would be stored, rounded once. For tracing only: it does not record the sources of triangles.
 pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
-    let meshes: Vec<Arc<Mesh>> = layout.groups.par_iter().map(|group| mesh(scene, &group.content)).collect();
+    let meshes: Vec<Arc<Mesh>> = parallel::map_each(&layout.groups, &|group| mesh(scene, &group.content));
     let instance = |placement: &super::Placement| Instance {
         name: String::new(),
         transform: placement.transform,

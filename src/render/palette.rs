@@ -5,9 +5,9 @@
 //! one farthest from theirs is used.
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 use super::colour::of_hue;
+use crate::parallel;
 use crate::scene::{Bounds, Scene};
 use crate::tree::{Quality, Tree};
 
@@ -84,7 +84,7 @@ fn neighbours_of(scene: &Scene) -> Vec<Vec<u32>> {
         scene.instance_boxes().iter().map(|b| Bounds { min: b.min - reach, max: b.max + reach }).collect();
     let tree = Tree::build_usable(&boxes, Quality::Instances);
     let nodes = tree.bounds(&boxes);
-    (0..boxes.len()).into_par_iter().map(|i| meeting(&tree, &nodes, &boxes, i)).collect()
+    parallel::map(boxes.len(), &|i| meeting(&tree, &nodes, &boxes, i))
 }
 
 fn meeting(tree: &Tree, nodes: &[Bounds], boxes: &[Bounds], of: usize) -> Vec<u32> {

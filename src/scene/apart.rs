@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use super::object::Object;
 use super::{Bounds, Geometry, Mesh, Scene};
+use crate::parallel;
 
 /// Share of the triangles in the core of a scene.
 const CORE: f64 = 0.999;
@@ -107,7 +108,7 @@ fn extents(scene: &Scene, objects: &[Object]) -> Vec<Extent> {
         }
     };
     let extent = |o: &Object| Extent { bounds: bounds(o), triangles: o.geometry(scene).triangles.len() };
-    objects.par_iter().map(extent).collect()
+    parallel::map_each(objects, &extent)
 }
 
 /// Returns the box around the placed triangles of a geometry.

@@ -34,14 +34,14 @@ const PART: usize = 1 << 17;
 const AT_ONCE: usize = 64;
 
 /// Builds the tree over `count` boxes within the unit cube; box `i` is `boxed(i)`, which is computed several times.
-pub(super) fn build(count: usize, boxed: &(impl Fn(u32) -> Boxed + Sync), params: &BvhBuildParams) -> Bvh2 {
+pub(super) fn build(count: usize, boxed: &(dyn Fn(u32) -> Boxed + Sync), params: &BvhBuildParams) -> Bvh2 {
     match count < FEW {
         true => build_bvh2(&(0..count as u32).map(boxed).collect::<Vec<_>>(), *params, &mut Duration::default()),
         false => in_parts(count, boxed, params, PART),
     }
 }
 
-fn in_parts(count: usize, boxed: &(impl Fn(u32) -> Boxed + Sync), params: &BvhBuildParams, largest: usize) -> Bvh2 {
+fn in_parts(count: usize, boxed: &(dyn Fn(u32) -> Boxed + Sync), params: &BvhBuildParams, largest: usize) -> Bvh2 {
     let (top, parts) = clustered(count, boxed, params, largest);
     let mut bvh = joined(top, parts);
     reinsert(&mut bvh, params.reinsertion_batch_ratio);
@@ -54,7 +54,7 @@ fn in_parts(count: usize, boxed: &(impl Fn(u32) -> Boxed + Sync), params: &BvhBu
 /// over the parts.
 fn clustered(
     count: usize,
-    boxed: &(impl Fn(u32) -> Boxed + Sync),
+    boxed: &(dyn Fn(u32) -> Boxed + Sync),
     params: &BvhBuildParams,
     largest: usize,
 ) -> (Bvh2, Vec<Part>) {

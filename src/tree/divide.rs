@@ -26,7 +26,7 @@ const DEEP: u32 = 32;
 pub(super) fn divide<T: Send>(
     members: Vec<u32>,
     largest: usize,
-    bounds: &(impl Fn(u32) -> Bounds + Sync),
+    bounds: &(dyn Fn(u32) -> Bounds + Sync),
     leaf: &(impl Fn(Vec<u32>) -> T + Sync),
     join: &(impl Fn(T, T) -> T + Sync),
 ) -> T {
@@ -34,17 +34,16 @@ pub(super) fn divide<T: Send>(
 }
 
 /// How to divide items.
-struct Division<'a, B, L, J> {
+struct Division<'a, L, J> {
     largest: usize,
-    bounds: &'a B,
+    bounds: &'a (dyn Fn(u32) -> Bounds + Sync),
     leaf: &'a L,
     join: &'a J,
 }
 
-fn below<T, B, L, J>(members: Vec<u32>, depth: u32, by: &Division<B, L, J>) -> T
+fn below<T, L, J>(members: Vec<u32>, depth: u32, by: &Division<L, J>) -> T
 where
     T: Send,
-    B: Fn(u32) -> Bounds + Sync,
     L: Fn(Vec<u32>) -> T + Sync,
     J: Fn(T, T) -> T + Sync,
 {
@@ -57,7 +56,7 @@ where
 }
 
 /// Divides members in two; each side keeps the order of the members.
-fn in_two(members: Vec<u32>, depth: u32, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<u32>) {
+fn in_two(members: Vec<u32>, depth: u32, bounds: &(dyn Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<u32>) {
     let around = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| bounds(i).center()));
     let centers = members.par_chunks(CHUNK).map(around).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let grid = Grid::over(&centers);
@@ -73,7 +72,7 @@ fn in_two(members: Vec<u32>, depth: u32, bounds: &(impl Fn(u32) -> Bounds + Sync
 }
 
 /// Halves members along the longest axis of their centres, regardless of cost.
-fn halves(members: Vec<u32>, centers: &Bounds, bounds: &impl Fn(u32) -> Bounds) -> (Vec<u32>, Vec<u32>) {
+fn halves(members: Vec<u32>, centers: &Bounds, bounds: &dyn Fn(u32) -> Bounds) -> (Vec<u32>, Vec<u32>) {
     let axis = centers.size().max_position();
     let along = |i: u32| bounds(i).center()[axis];
     let mut left = members;

@@ -110,7 +110,7 @@ impl Tree {
     }
 
     /// Like [`Tree::build_usable`], but computes boxes on demand, each of them several times.
-    pub fn build_from(count: usize, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
+    pub fn build_from(count: usize, quality: Quality, bounds: &(dyn Fn(u32) -> Bounds + Sync)) -> Tree {
         let usable = |b: Bounds| !b.is_empty() && b.min.abs().max(b.max.abs()).max_element() < LARGEST;
         let members =
             (0..count as u32).into_par_iter().with_min_len(CHEAP_ELEMENTS).filter(|&i| usable(bounds(i))).collect();
@@ -209,13 +209,13 @@ impl Items {
 }
 
 /// Builds the tree over some items, in parts if there are very many.
-fn build_members(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
+fn build_members(members: Vec<u32>, quality: Quality, bounds: &(dyn Fn(u32) -> Bounds + Sync)) -> Tree {
     divide(members, PART, bounds, &|part| build_over(part, quality, bounds), &joined)
 }
 
 /// Builds the tree over some of the boxes. Boxes are not stored: they take more memory than the data they are computed
 /// from, and memory use peaks here.
-fn build_over(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> Tree {
+fn build_over(members: Vec<u32>, quality: Quality, bounds: &(dyn Fn(u32) -> Bounds + Sync)) -> Tree {
     let (ones, crowds) = crowded_cells(&members, bounds);
     if ones.is_empty() && crowds.len() == 1 {
         return halved(members, quality.equal_leaf());
@@ -232,7 +232,7 @@ fn build_over(members: Vec<u32>, quality: Quality, bounds: &(impl Fn(u32) -> Bou
 /// Splits members into those that share their Morton cell with few others, and the crowds of the other cells, both in
 /// member order. The cells divide the box of the members' centroids, so all members form one crowd only if their
 /// centroids are equal.
-fn crowded_cells(members: &[u32], bounds: &(impl Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<Vec<u32>>) {
+fn crowded_cells(members: &[u32], bounds: &(dyn Fn(u32) -> Bounds + Sync)) -> (Vec<u32>, Vec<Vec<u32>>) {
     let of_chunk = |chunk: &[u32]| Bounds::of(chunk.iter().map(|&i| bounds(i).center()));
     let centroids = members.par_chunks(CHUNK).map(of_chunk).reduce(|| Bounds::EMPTY, |a, b| a.union(&b));
     let cells_per_unit = 1.0 / centroids.size().max_element() * f64::from(1 << 20);
@@ -272,7 +272,7 @@ fn halved(members: Vec<u32>, leaf_items: usize) -> Tree {
 }
 
 /// Builds the tree by locally ordered clustering and grafts in the trees of crowds.
-fn cluster(items: &Items, boxed: &(impl Fn(u32) -> Boxed + Sync), quality: Quality) -> Tree {
+fn cluster(items: &Items, boxed: &(dyn Fn(u32) -> Boxed + Sync), quality: Quality) -> Tree {
     let bvh = clustering::build(items.count(), boxed, &quality.params());
     let mut tree = Tree { nodes: Vec::with_capacity(bvh.nodes.len()), order: Vec::with_capacity(items.ones.len()) };
     if bvh.nodes.is_empty() {
@@ -342,7 +342,7 @@ const REACH: f32 = 1.0 / (1 << 22) as f32;
 
 /// Returns the boxes of items, moved and uniformly scaled into the unit cube, so that areas neither overflow nor
 /// underflow in the builder's single precision.
-fn in_unit_cube(items: &Items, bounds: &(impl Fn(u32) -> Bounds + Sync)) -> impl Fn(u32) -> Boxed + Sync {
+fn in_unit_cube(items: &Items, bounds: &(dyn Fn(u32) -> Bounds + Sync)) -> impl Fn(u32) -> Boxed + Sync {
     let of_item = move |item: u32| match items.ones.get(item as usize) {
         Some(&one) => bounds(one),
         None => items.crowd_bounds[item as usize - items.ones.len()],

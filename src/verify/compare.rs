@@ -17,6 +17,7 @@ use super::sight::CannotTell;
 use super::structure::{Structure, allowed_error};
 use super::surface::pairs::Pairs;
 use super::{Hit, Mismatch, Side, Sides, Target, VerifyOptions, Wrong};
+use crate::parallel;
 use crate::scene::{InstanceId, Scene, TriangleRef};
 
 /// Distance between two hits, as a share of the scene's radius, above which they count as far apart.
@@ -538,7 +539,7 @@ pub(super) fn material(scene: &Scene, at: TriangleRef) -> Option<u32> {
 }
 
 pub(super) fn magnitudes(scene: &Scene) -> Vec<Magnitude> {
-    let reach: Vec<DVec3> = scene.meshes.par_iter().map(|mesh| mesh.reach()).collect();
+    let reach: Vec<DVec3> = parallel::map(scene.meshes.len(), &|m| scene.meshes[m].reach());
     let magnitude =
         |i: &crate::scene::Instance| Magnitude::new(&i.transform, &i.transform.inverse(), reach[i.mesh.0 as usize]);
     scene.instances.iter().map(magnitude).collect()

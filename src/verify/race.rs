@@ -62,7 +62,7 @@ pub(super) fn race<T: Tracer>(
 ) -> Result<Vec<Result<RaceResult, T::Error>>, T::Error> {
     let count = care.rays(before.pace().timed(options));
     let sampling = options.sampling(count as usize, Some(care.role()));
-    let rays = rays::generate_by(scene, |rays| seen_by(before, rays), &sampling)?;
+    let rays = rays::generate_by(scene, &|rays| seen_by(before, rays), &sampling)?;
     let cells = cells(before, &rays, options)?;
     let prepared = prepared(before, &cells)?;
     let lap = |i| {

@@ -118,6 +118,9 @@ mod stream {
     pub(super) const SPHERE: u64 = 6;
 }
 
+/// Finds the first hits of rays, by a device or otherwise.
+pub type FirstHits<'a, E> = dyn Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E> + 'a;
+
 /// Generates rays; none for a scene without triangles.
 ///
 /// - Primary: a regular grid over the picture of each view, jittered within its cells. The views are the file's cameras,
@@ -135,7 +138,7 @@ mod stream {
 /// more. A scene is an interior if at least three quarters of 256 random directions from the middle of its box hit
 /// something, more of them its front than its back.
 pub fn generate(scene: &Scene, reference: &Reference, sampling: &Sampling) -> Rays {
-    let Ok(rays) = generate_by(scene, |rays| Ok::<_, Infallible>(reference.closest(rays)), sampling);
+    let Ok(rays) = generate_by(scene, &|rays| Ok::<_, Infallible>(reference.closest(rays)), sampling);
     rays
 }
 
@@ -143,31 +146,27 @@ pub fn generate(scene: &Scene, reference: &Reference, sampling: &Sampling) -> Ra
 ///
 /// # Errors
 /// Returns the errors of `closest`.
-pub fn generate_by<E>(
-    scene: &Scene,
-    closest: impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
-    sampling: &Sampling,
-) -> Result<Rays, E> {
+pub fn generate_by<E>(scene: &Scene, closest: &FirstHits<E>, sampling: &Sampling) -> Result<Rays, E> {
     let bounds = scene.bounds();
     if bounds.is_empty() || scene.triangles_placed() == 0 {
         return Ok(Rays { kinds: Default::default(), views: Vec::new(), radius: 0.0 });
     }
     let Sampling { rays_per_kind: count, seed, role, .. } = *sampling;
-    let stage = stage(bounds, &closest, seed)?;
-    let placed = views::place(scene, &stage, &closest, sampling.views as usize, seed)?;
+    let stage = stage(bounds, closest, seed)?;
+    let placed = views::place(scene, &stage, closest, sampling.views as usize, seed)?;
     let placed = placed.into_iter().enumerate().map(|(i, view)| (Role::of(i), view));
     let placed: Vec<(Role, PlacedView)> = placed.filter(|(of, _)| role.is_none_or(|role| role == *of)).collect();
     let maker = Maker { scene, stage, seed };
     let mut rays = Rays { kinds: Default::default(), views: Vec::new(), radius: stage.radius };
     for (i, (role, view)) in placed.iter().enumerate() {
         let range = i * count / placed.len()..(i + 1) * count / placed.len();
-        let (mut primary, seen) = maker.look(view, range.clone(), &closest)?;
+        let (mut primary, seen) = maker.look(view, range.clone(), closest)?;
         for (kind, of_kind) in rays.kinds.iter_mut() {
             of_kind.extend(match kind {
                 RayKind::Primary => std::mem::take(&mut primary),
-                RayKind::Shadow => generated(range.clone(), |i| maker.shadow(i, &seen)),
-                RayKind::Diffuse => generated(range.clone(), |i| maker.diffuse(i, &seen)),
-                RayKind::Random => generated(range.clone(), |i| maker.random(i)),
+                RayKind::Shadow => generated(range.clone(), &|i| maker.shadow(i, &seen)),
+                RayKind::Diffuse => generated(range.clone(), &|i| maker.diffuse(i, &seen)),
+                RayKind::Random => generated(range.clone(), &|i| maker.random(i)),
             });
         }
         rays.views.push(RaysOfView { name: view.name.clone(), seen_ratio: view.seen_ratio, role: *role, range });
@@ -208,16 +207,12 @@ impl Rays {
     }
 }
 
-fn generated(range: Range<usize>, ray: impl Fn(usize) -> Ray + Sync + Send) -> Vec<Ray> {
+fn generated(range: Range<usize>, ray: &(dyn Fn(usize) -> Ray + Sync)) -> Vec<Ray> {
     range.into_par_iter().map(ray).collect()
 }
 
 /// Returns the stage of a box, which must not be empty: an interior if [`generate`] takes it for one.
-pub(crate) fn stage<E>(
-    bounds: Bounds,
-    closest: &impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
-    seed: u64,
-) -> Result<Stage, E> {
+pub(crate) fn stage<E>(bounds: Bounds, closest: &FirstHits<E>, seed: u64) -> Result<Stage, E> {
     let mut stage = Stage::new(bounds);
     stage.enclosed = is_enclosed(&closest(&probes(&stage, seed))?);
     Ok(stage)
@@ -252,15 +247,18 @@ impl Maker<'_> {
         &self,
         view: &PlacedView,
         range: Range<usize>,
-        closest: &impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
+        closest: &FirstHits<E>,
     ) -> Result<(Vec<Ray>, Vec<Seen>), E> {
         let rays = match &view.source {
             Source::View(view) => self.primary(view, range.clone()),
-            Source::Around => generated(range.clone(), |i| self.toward_surface(i)),
+            Source::Around => generated(range.clone(), &|i| self.toward_surface(i)),
         };
         let seen = self.seen(&rays, &closest(&rays)?);
-        let some = || range.into_par_iter().map(|i| self.surface_point(i)).collect();
-        Ok((rays, if seen.is_empty() { some() } else { seen }))
+        Ok((rays, if seen.is_empty() { self.surface_points(range) } else { seen }))
+    }
+
+    fn surface_points(&self, range: Range<usize>) -> Vec<Seen> {
+        range.into_par_iter().map(|i| self.surface_point(i)).collect()
     }
 
     fn primary(&self, view: &View, range: Range<usize>) -> Vec<Ray> {
@@ -268,7 +266,7 @@ impl Maker<'_> {
         let columns = (count as f64 * view.aspect_ratio()).sqrt().round().clamp(1.0, count.max(1) as f64);
         let rows = count.div_ceil(columns as usize).max(1);
         let first = range.start;
-        generated(range, |i| {
+        generated(range, &|i| {
             let mut random = self.random_at(stream::PRIMARY, i);
             let (column, row) = ((i - first) % columns as usize, (i - first) / columns as usize);
             let x = (column as f64 + random.unit()) / columns;

@@ -346,7 +346,7 @@ fn timed_rays<T: Tracer>(before: &Scene, rays: &Rays, tracer: &T, options: &Veri
         Ordering::Equal => Ok(judging),
         Ordering::Greater => {
             let sampling = options.sampling(count as usize, Some(Role::Judge));
-            rays::generate_by(before, |rays| seen_by(tracer, rays), &sampling)
+            rays::generate_by(before, &|rays| seen_by(tracer, rays), &sampling)
         }
     }
 }

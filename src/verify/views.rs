@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::cpu::TrueHit;
 use super::random::Random;
-use super::rays::{Ray, RaysOfView};
+use super::rays::{FirstHits, Ray, RaysOfView};
 use super::view::{Stage, View};
 use super::weights::Overall;
 use crate::scene::{Bounds, Scene};
@@ -107,7 +107,7 @@ impl Place {
 pub(super) fn place<E>(
     scene: &Scene,
     stage: &Stage,
-    closest: &impl Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>,
+    closest: &FirstHits<E>,
     count: usize,
     seed: u64,
 ) -> Result<Vec<PlacedView>, E> {
@@ -148,15 +148,15 @@ pub(crate) fn viewpoints(
     [View::automatic(stage)].into_iter().chain(views).collect()
 }
 
-struct Placer<'a, C> {
+struct Placer<'a, E> {
     stage: &'a Stage,
     /// Box of the scene without what lies far outside it.
     bounds: Bounds,
-    closest: &'a C,
+    closest: &'a FirstHits<'a, E>,
     seed: u64,
 }
 
-impl<E, C: Fn(&[Ray]) -> Result<Vec<Option<TrueHit>>, E>> Placer<'_, C> {
+impl<E> Placer<'_, E> {
     /// Returns a view with the share of its picture that shows something.
     fn seen(&self, view: View) -> Result<PlacedView, E> {
         let at = |i: usize| {

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::parallel;
 use crate::scene::{Geometry, Scene};
 
 /// A triangle is a needle if it covers less of the surface area of its box, both sides counted. An axis-aligned right
@@ -34,7 +35,7 @@ pub(super) struct Shapes(Vec<Vec<Areas>>);
 
 impl Shapes {
     pub(super) fn of(scene: &Scene) -> Shapes {
-        Shapes(scene.meshes.par_iter().map(|mesh| mesh.geometries.iter().map(Areas::of).collect()).collect())
+        Shapes(parallel::map(scene.meshes.len(), &|m| scene.meshes[m].geometries.iter().map(Areas::of).collect()))
     }
 
     /// The areas of the geometries of a mesh.

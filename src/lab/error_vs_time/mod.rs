@@ -164,7 +164,7 @@ impl<'a> Bench<'a> {
             let sampling = verify.sampling(count, None);
             let rays = match count <= MOST_EXACT {
                 true => rays::generate(scene, &Reference::new(trees), &sampling),
-                false => rays::generate_by(scene, |rays| probe.closest(rays), &sampling)?,
+                false => rays::generate_by(scene, &|rays| probe.closest(rays), &sampling)?,
             };
             Pace::new(probe, rays.kinds, verify.repeats)
         };

@@ -4,7 +4,6 @@ use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
 use super::dynamic_programming::{self, Group, Known};
@@ -19,6 +18,7 @@ use crate::cost::segments::Segment;
 use crate::layout::PlacedTrees;
 use crate::layout::builder::Object;
 use crate::methods::frames::{self, Search};
+use crate::parallel;
 use crate::scene::{Bounds, Scene};
 use crate::tree::{Quality, Tree};
 
@@ -132,12 +132,12 @@ impl ClusterInput {
             part
         };
         let around = |items: &Vec<u32>| items.iter().fold(Bounds::EMPTY, |all, &t| all.union(&bounds_of(t)));
-        let boxes: Vec<Bounds> = components.par_iter().map(around).collect();
+        let boxes: Vec<Bounds> = parallel::map_each(&components, &around);
         let upper = Tree::build_usable(&boxes, Quality::Instances);
         if upper.order.len() < components.len() {
             return None;
         }
-        let tree = Tree::grafted(&upper, &components.par_iter().map(part).collect::<Vec<_>>());
+        let tree = Tree::grafted(&upper, &parallel::map_each(&components, &part));
         let facts = facts::facts(&self.soup, &tree, &self.base);
         let own = facts::own_frames(&self.soup, &tree, &facts, &self.base, &self.turning, |_| None);
         Some(ByComponents { tree: Rc::new(tree), facts, own })

@@ -18,6 +18,7 @@ use super::refit::Refit;
 use super::soup::{Soup, Turned};
 use crate::cost::sah::TRAVERSAL;
 use crate::methods::pieces::longest_axis;
+use crate::parallel;
 use crate::scene::Bounds;
 use crate::tree::{Quality, Tree};
 
@@ -177,7 +178,7 @@ impl Search<'_> {
         let with_next = |i: usize| -> Vec<Option<(Fit, f64)>> {
             (i + 1..count.min(i + 1 + NEIGHBOURS)).map(|j| self.joined(&members[i], &members[j])).collect()
         };
-        let found: Vec<Vec<Option<(Fit, f64)>>> = (0..count).into_par_iter().map(with_next).collect();
+        let found: Vec<Vec<Option<(Fit, f64)>>> = parallel::map(count, &with_next);
         let mut best: Vec<(f64, usize)> = vec![(0.0, usize::MAX); count];
         for (i, found) in found.iter().enumerate() {
             for (found, j) in found.iter().zip(i + 1..) {
@@ -236,7 +237,7 @@ impl Search<'_> {
 
     /// Moves parts that make a group's box large into neighbours; returns whether there were any.
     fn move_parts(&self, members: &mut [Member]) -> bool {
-        let moves: Vec<Option<Move>> = (0..members.len()).into_par_iter().map(|i| self.best_move(members, i)).collect();
+        let moves: Vec<Option<Move>> = parallel::map(members.len(), &|i| self.best_move(members, i));
         let mut touched = vec![false; members.len()];
         for (i, found) in moves.into_iter().enumerate() {
             if let Some(found) = found

@@ -19,9 +19,9 @@ use crate::cost::segments::{self, Boxed, Segment};
 use crate::layout::builder::Part;
 use crate::layout::{Layout, seams};
 use crate::methods::InstanceOptions;
+use crate::parallel;
 use crate::scene::{InstanceId, MeshId, Scene};
 use crate::tree::Quality;
-use rayon::prelude::*;
 
 /// Meshes with fewer triangles are not opened.
 const FEWEST_TRIANGLES: usize = 64;
@@ -133,8 +133,7 @@ impl Candidates {
             return;
         }
         let quality = |m: usize| if uses[m] > 1 { Quality::Medium } else { Quality::Fast };
-        let mut trees: Vec<Boxed> =
-            (0..uses.len()).into_par_iter().map(|m| Boxed::of_mesh(&scene.meshes[m], quality(m))).collect();
+        let mut trees: Vec<Boxed> = parallel::map(uses.len(), &|m| Boxed::of_mesh(&scene.meshes[m], quality(m)));
         let count = (SEGMENTS_A_MESH * self.meshes.len()).clamp(SEGMENTS, MOST_SEGMENTS);
         let segments = segments::sample(scene, &trees, count);
         let most_boxes = (MOST_BOXES / self.meshes.len()).clamp(1, MOST_BOXES_A_MESH);

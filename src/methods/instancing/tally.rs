@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::cut::{Cuts, triangles_below};
 use super::pieces::Piece;
 use crate::cost::segments::{Boxed, Segment};
+use crate::parallel;
 use crate::scene::{Bounds, InstanceId, Mesh, Scene};
 use crate::tree::Quality;
 
@@ -116,7 +117,7 @@ impl<'a> Counted<'a> {
         let (mut sums, mut above, mut all, mut used, mut met) = (vec![(0u64, 0u64); self.placed.len()], 0, 0, 0, 0);
         for block in self.segments.chunks(BLOCK) {
             let passed: Vec<(u64, Vec<(u32, u64)>)> =
-                block.par_iter().map(|segment| self.pass(&top, parts, segment)).collect();
+                parallel::map_each(block, &|segment| self.pass(&top, parts, segment));
             used += block.len();
             met += passed.iter().filter(|p| !p.1.is_empty()).count();
             above += passed.iter().map(|p| p.0).sum::<u64>();

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use raykiln_formats::Document;
 use raykiln_formats::properties::{MaterialContent, Property};
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::super::{Side, Sides};
@@ -12,6 +11,7 @@ use super::images::{Images, Sameness};
 use super::meetings::{Meeting, object_name};
 use super::property::{Changed, Correspondence, changes};
 use super::{ContentsReport, Detail, Difference, DifferenceKind, Inputs};
+use crate::parallel;
 use crate::scene::{Object, Scene};
 
 /// Differences of two materials that are reported, at most.
@@ -107,7 +107,7 @@ impl Correspondence for Materials<'_> {
 /// Returns all materials of a file, the default one last.
 fn contents(doc: &Document) -> Vec<MaterialContent> {
     let mut all: Vec<MaterialContent> =
-        (0..doc.material_count()).into_par_iter().map(|material| doc.material_content(Some(material))).collect();
+        parallel::map(doc.material_count(), &|material| doc.material_content(Some(material)));
     all.push(doc.material_content(None));
     all
 }

@@ -7,12 +7,12 @@ use std::sync::Arc;
 use glam::DMat3;
 use raykiln_formats::document::Attribute;
 use raykiln_formats::properties::TextureUse;
-use rayon::prelude::*;
 
 use super::super::{Side, Sides};
 use super::comparison::{Comparison, How, Influences, Turn, Values};
 use super::materials::{Materials, materials};
 use super::{DifferenceKind, Inputs, Tolerance};
+use crate::parallel;
 use crate::scene::{Instance, Object, Scene};
 
 /// The attributes of a primitive and of its morph targets.
@@ -36,7 +36,7 @@ impl<'a> Primitives<'a> {
                 };
                 mesh.geometries.iter().map(|g| of(g.primitive as usize)).collect()
             };
-            scene.meshes.par_iter().map(mesh).collect()
+            parallel::map(scene.meshes.len(), &|m| mesh(&scene.meshes[m]))
         };
         Primitives(Sides { before: of_side(Side::Before), after: of_side(Side::After) })
     }

@@ -60,7 +60,7 @@ impl<'a, A: Arithmetic> Computing<'a, A> {
         search(self.accel, &boxes, within, stacks, enter, corners, counts)
     }
 
-    fn each<R: Send>(&self, rays: &[Ray], trace: impl Fn(&Ray, &mut Stacks<A::Number>) -> R + Sync) -> Vec<R> {
+    fn each<R: Send>(&self, rays: &[Ray], trace: &(dyn Fn(&Ray, &mut Stacks<A::Number>) -> R + Sync)) -> Vec<R> {
         rays.par_iter()
             .with_min_len(BATCH)
             .map_init(|| Stacks::new(self.accel), |stacks, ray| trace(ray, stacks))
@@ -68,7 +68,7 @@ impl<'a, A: Arithmetic> Computing<'a, A> {
     }
 
     fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
-        self.each(rays, |ray, stacks| self.trace(ray, true, stacks).is_some())
+        self.each(rays, &|ray, stacks| self.trace(ray, true, stacks).is_some())
     }
 
     /// Returns the first hits, with distances as exact as they were computed.
@@ -78,7 +78,7 @@ impl<'a, A: Arithmetic> Computing<'a, A> {
             at: TriangleRef { instance: self.accel.entries[found.entry].instance, triangle: found.triangle },
             front: found.front,
         };
-        self.each(rays, |ray, stacks| self.trace(ray, false, stacks).map(hit))
+        self.each(rays, &|ray, stacks| self.trace(ray, false, stacks).map(hit))
     }
 }
 
@@ -95,7 +95,7 @@ impl<'a> CpuTracer<'a> {
 
     /// Returns the first hit of each ray.
     pub fn closest(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
-        self.0.each(rays, |ray, stacks| self.0.trace(ray, false, stacks).map(|found| self.hit(&found)))
+        self.0.each(rays, &|ray, stacks| self.0.trace(ray, false, stacks).map(|found| self.hit(&found)))
     }
 
     /// Returns, for each ray, whether it hits anything.
@@ -105,7 +105,7 @@ impl<'a> CpuTracer<'a> {
 
     /// Returns the steps of each ray to the first hit, or to any.
     pub fn steps(&self, rays: &[Ray], any: bool) -> Vec<Steps> {
-        self.0.each(rays, |ray, stacks| {
+        self.0.each(rays, &|ray, stacks| {
             self.0.trace(ray, any, stacks);
             stacks.steps
         })

@@ -14,7 +14,7 @@ use super::boxes::{BoxNode, boxed};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::sah::FaceAreas;
 use crate::cost::two_level::TwoLevelCost;
-use crate::parallel::CHEAP_ELEMENTS;
+use crate::parallel::{self, CHEAP_ELEMENTS};
 use crate::scene::{Bounds, Geometry, Instance, Mesh, MeshId, Scene};
 use crate::tree::{Quality, Tree};
 use crate::verify::rounding::{Magnitude, SINGLE};
@@ -90,7 +90,7 @@ impl TwoLevel {
 
     fn build_padded(scene: &Scene, trees: &MeshTrees, padding: Padding) -> TwoLevel {
         let build = |(number, mesh): (usize, &Mesh)| Bottom::build(mesh, trees.get(MeshId(number as u32)));
-        TwoLevel::over(scene.meshes.par_iter().enumerate().map(build).collect(), scene, padding)
+        TwoLevel::over(parallel::map(scene.meshes.len(), &|m| build((m, &scene.meshes[m]))), scene, padding)
     }
 
     /// Places the meshes as a scene does, with boxes of instances that rays of [`super::CpuTracer`] do not miss.
@@ -162,7 +162,7 @@ impl TwoLevel {
     /// rounded outward, it may be larger by a few parts in a million; padded instances add to it.
     pub fn cost(&self, scene_area: f64) -> f64 {
         let areas = |b: &Bottom| FaceAreas::sum(b.nodes.iter().map(|node| (node.count, node.bounds())));
-        let of_mesh: Vec<FaceAreas> = self.bottom.par_iter().map(areas).collect();
+        let of_mesh: Vec<FaceAreas> = parallel::map_each(&self.bottom, &areas);
         let inner = self.top.iter().filter(|node| node.count == 0).map(|node| node.bounds().area());
         let leaves = self.top.iter().filter(|node| node.count > 0);
         let placed = leaves.flat_map(|leaf| self.entries[leaf.items()].iter().map(move |entry| (leaf, entry)));

@@ -28,6 +28,7 @@ use super::identity::{Chunk, Identity, chunks, describe};
 use super::materials::Materials;
 use super::structure::{Fault, Power, Record, Structure, reference_length};
 use super::{Side, Sides};
+use crate::parallel;
 use crate::scene::{Instance, Scene, TriangleRef};
 
 /// Triangles considered for each within the limits, and for each that was moved.
@@ -314,7 +315,7 @@ fn wrong_materials(scenes: Sides<&Scene>, materials: &Materials, pairs: &Pairs) 
         };
         chunk.refs(scenes.after).filter(differs).collect::<Vec<TriangleRef>>()
     };
-    let of_chunks: Vec<Vec<TriangleRef>> = chunks(scenes.after).par_iter().map(of_chunk).collect();
+    let of_chunks: Vec<Vec<TriangleRef>> = parallel::map_each(&chunks(scenes.after), &of_chunk);
     Faults::of(of_chunks.into_iter().flatten())
 }
 

@@ -5,9 +5,9 @@
 //! exact; all others are passed to the device unchanged.
 
 use glam::{DAffine3, DMat3};
-use rayon::prelude::*;
 
-use crate::scene::{Bounds, Mesh, Scene};
+use crate::parallel;
+use crate::scene::{Bounds, Scene};
 
 /// Range of the largest coordinate for which no scaling is needed.
 const TRUSTED: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
@@ -24,7 +24,7 @@ pub(in crate::verify::vulkan) struct Scales {
 impl Scales {
     /// Computes the scales of a scene.
     pub(super) fn of(scene: &Scene) -> Scales {
-        let bounds: Vec<Bounds> = scene.meshes.par_iter().map(Mesh::bounds).collect();
+        let bounds: Vec<Bounds> = parallel::map(scene.meshes.len(), &|m| scene.meshes[m].bounds());
         let placed = scene.instances.iter().map(|i| bounds[i.mesh.0 as usize].transformed(&i.transform));
         Scales {
             world: scale(placed.map(|b| largest_coordinate(&b)).filter(|x| x.is_finite()).fold(0.0, f64::max)),

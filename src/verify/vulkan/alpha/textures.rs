@@ -4,9 +4,9 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 
 use raykiln_formats::alpha::Bytes;
-use rayon::prelude::*;
 
 use super::image::Alpha;
+use crate::parallel;
 use crate::scene::Image;
 use crate::verify::vulkan::Error;
 use crate::verify::vulkan::device::Device;
@@ -48,7 +48,7 @@ impl<'d> Textures<'d> {
     pub(super) fn of(&self, images: &[Image]) -> Result<Vec<Found>, Error> {
         let mut all = Vec::with_capacity(images.len());
         for images in images.chunks(rayon::current_num_threads()) {
-            let encoded: Vec<Result<Bytes, String>> = images.par_iter().map(Image::read).collect();
+            let encoded: Vec<Result<Bytes, String>> = parallel::map_each(images, &Image::read);
             self.learn(&encoded)?;
             let known = &self.known.borrow().found;
             all.extend(encoded.into_iter().map(|bytes| bytes.and_then(|bytes| known[&bytes].clone())));
@@ -61,7 +61,7 @@ impl<'d> Textures<'d> {
         let mut new: Vec<&Bytes> = encoded.iter().flatten().filter(|bytes| !known.found.contains_key(*bytes)).collect();
         new.sort_unstable();
         new.dedup();
-        let decoded: Vec<Result<Alpha, String>> = new.par_iter().map(|bytes| Alpha::decode(bytes)).collect();
+        let decoded: Vec<Result<Alpha, String>> = parallel::map_each(&new, &|bytes| Alpha::decode(bytes));
         let (addresses, buffers) = upload(self.device, &decoded)?;
         known.buffers.extend(buffers);
         let mut addresses = addresses.into_iter();
