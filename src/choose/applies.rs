@@ -32,7 +32,7 @@ const fn if_choosing(option: &'static str, to: &'static [Method]) -> Applies {
 }
 
 /// The options that do not apply to every method.
-pub(crate) const OPTIONS: [Applies; 18] = [
+pub(crate) const OPTIONS: [Applies; 19] = [
     to_auto_and("effort", &[]),
     to_auto_and("device-class", &[]),
     to("nodes-per-triangle-ratio", &[Method::Bvh]),
@@ -41,6 +41,7 @@ pub(crate) const OPTIONS: [Applies; 18] = [
     to("split-or-merge-ratio", &[Method::Overlap]),
     to("split-ratio", &[Method::Overlap]),
     to("termination-overlap-ratio", &[Method::Overlap]),
+    to("overlap-rule", &[Method::Overlap]),
     to("min-triangles", &[Method::Bvh, Method::Overlap]),
     to_auto_and("max-bytes-ratio", BAKING),
     to("instances", BAKING),

@@ -198,7 +198,9 @@ pub fn choose_or_replay(
 }
 
 fn asked_for(scene: &Scene, method: Method, options: &ChooseOptions, verify: &VerifyOptions, bounds: Bounds) -> Chosen {
-    let plan = Plan { id: method.into(), method, options: told(&options.layout, verify) };
+    let mut plan = Plan { id: method.into(), method, options: told(&options.layout, verify) };
+    // Worth their time only to those who ask for the method.
+    plan.options.overlap.series = true;
     let mut cache = Cache::serving([&plan.options]);
     let laid = lay_out(&mut cache, scene, &plan, verify.max_position_error_ratio);
     let pinned = scene.overlaid(&laid.overlay);

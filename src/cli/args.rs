@@ -13,7 +13,7 @@ use crate::commands::verify::MatchBy;
 use crate::copies::Likeness;
 use crate::layout::BlasPer;
 use crate::methods::{
-    self, BvhOptions, ClusterOptions, InstanceOptions, Instances, Method, OverlapOptions, PartOptions,
+    self, BvhOptions, ClusterOptions, InstanceOptions, Instances, Method, OverlapOptions, OverlapRule, PartOptions,
 };
 use crate::report::FailOn;
 use crate::scene::LoadOptions;
@@ -196,6 +196,9 @@ struct LayoutArguments {
     /// overlap: stop when the overlap ratio of the scene's core falls below this
     #[arg(long, value_name = "RATIO", default_value_t = OverlapOptions::default().termination_overlap_ratio, value_parser = ratio)]
     termination_overlap_ratio: f64,
+    /// overlap: how literally to follow the thesis that the method is from
+    #[arg(long, value_name = "RULE", value_enum, default_value_t = OverlapRuleArgument::Improved)]
+    overlap_rule: OverlapRuleArgument,
     /// bvh, overlap: do not split objects with at most this many triangles
     #[arg(long, value_name = "N", default_value_t = OverlapOptions::default().min_triangles)]
     min_triangles: usize,
@@ -285,6 +288,23 @@ enum InstancesArgument {
     BakeOrKeep,
     /// Keep, open into shared pieces or bake, whichever has the lowest predicted cost within --max-bytes-ratio
     Choose,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum OverlapRuleArgument {
+    /// Merged objects stay together; the round with the least overlap is taken, if it is less than the input's
+    Improved,
+    /// To the letter: merged objects are divided again, and the last round is taken
+    Thesis,
+}
+
+impl From<OverlapRuleArgument> for OverlapRule {
+    fn from(of: OverlapRuleArgument) -> OverlapRule {
+        match of {
+            OverlapRuleArgument::Improved => OverlapRule::Improved,
+            OverlapRuleArgument::Thesis => OverlapRule::Thesis,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -491,6 +511,8 @@ impl LayoutArguments {
                 split_ratio: self.split_ratio,
                 termination_overlap_ratio: self.termination_overlap_ratio,
                 min_triangles: self.min_triangles,
+                rule: self.overlap_rule.into(),
+                ..OverlapOptions::default()
             },
             cluster: ClusterOptions {
                 max_group_triangles: self.max_group_triangles,

@@ -166,7 +166,7 @@ mod tests {
         Layout {
             groups: (0..scene.meshes.len()).map(group).collect(),
             placements: scene.instances.iter().enumerate().map(place).collect(),
-            notes: vec![],
+            ..Layout::default()
         }
     }
 
@@ -182,7 +182,7 @@ mod tests {
         Layout {
             groups: vec![Group { name: String::new(), content }],
             placements: vec![Placement { group: 0, instance: None, transform: DAffine3::IDENTITY }],
-            notes: vec![],
+            ..Layout::default()
         }
     }
 

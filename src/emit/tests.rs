@@ -95,7 +95,7 @@ fn baked(scene: &Scene) -> Layout {
     Layout {
         groups: vec![Group { name: "all".into(), content }],
         placements: vec![Placement { group: 0, instance: None, transform: DAffine3::IDENTITY }],
-        notes: Vec::new(),
+        ..Layout::default()
     }
 }
 
@@ -216,7 +216,7 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
     let layout = Layout {
         groups: vec![piece("red", &[(0, 0), (0, 1)]), piece("blue", &[(0, 2), (0, 3)])],
         placements: vec![placement(0, 0), placement(1, 0), placement(0, 1), placement(1, 1)],
-        notes: Vec::new(),
+        ..Layout::default()
     };
     let document = emit(&doc, &scene, &layout, &Options::default()).document;
     let after = load(&document);
@@ -238,8 +238,11 @@ pub(super) fn opened(scene: &Scene) -> Layout {
     };
     let instances = (0u32..).zip(&scene.instances).flat_map(|(i, at)| [(0, i, at.transform), (1, i, at.transform)]);
     let placement = |(group, i, transform)| Placement { group, instance: Some(InstanceId(i)), transform };
-    let layout =
-        Layout { groups: vec![piece(0), piece(1)], placements: instances.map(placement).collect(), notes: Vec::new() };
+    let layout = Layout {
+        groups: vec![piece(0), piece(1)],
+        placements: instances.map(placement).collect(),
+        ..Layout::default()
+    };
     layout.check(scene).expect("the layout is sound");
     layout
 }
@@ -362,7 +365,7 @@ fn renumbered_nodes_say_which_node_of_the_input_they_are() {
             instance: Some(InstanceId(0)),
             transform: scene.instances[0].transform,
         }],
-        notes: Vec::new(),
+        ..Layout::default()
     };
     let emitted = emit(&doc, &scene, &kept, &pruned());
     assert_eq!(emitted.pruned_nodes, 1);

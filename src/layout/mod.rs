@@ -9,6 +9,7 @@ mod note;
 mod order;
 mod per_geometry;
 mod placed_trees;
+mod rounds;
 pub mod seams;
 pub mod store;
 mod stored;
@@ -21,6 +22,7 @@ pub use note::{Changed, Limit, Meshes, Note, Stay};
 pub use order::{order_by_tree, order_for_good};
 pub use per_geometry::{BlasPer, as_built, per_geometry};
 pub use placed_trees::PlacedTrees;
+pub use rounds::{Round, Rounds};
 pub use stored::{shown, stored};
 
 use crate::scene::{InstanceId, MeshId, Opacity, Scene, TriangleRef};
@@ -35,6 +37,8 @@ pub struct Layout {
     pub placements: Vec<Placement>,
     /// What the method did and skipped, and why.
     pub notes: Vec<Note>,
+    /// What the rounds of `overlap` did; `None` for other methods.
+    pub rounds: Option<Rounds>,
 }
 
 impl Layout {

@@ -18,7 +18,8 @@ mod tests_of_invariance;
 pub use cluster::{Cache, looseness};
 pub(crate) use options::ClusterSearch;
 pub use options::{
-    BvhOptions, ClusterOptions, InstanceOptions, Instances, Options, OverlapOptions, PartOptions, SingleOptions,
+    BvhOptions, ClusterOptions, InstanceOptions, Instances, Options, OverlapOptions, OverlapRule, PartOptions,
+    SingleOptions,
 };
 pub use parts::{isolates, opacities_differ};
 pub use plan_id::PlanId;

@@ -106,6 +106,16 @@ impl Default for BvhOptions {
     }
 }
 
+/// How literally `overlap` follows the thesis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OverlapRule {
+    /// Objects that merged stay together; the state with the least overlap is taken, if it is less than the input's.
+    #[default]
+    Improved,
+    /// As in listing 4.1 of the thesis; the state after the last round is taken.
+    Thesis,
+}
+
 /// Which pairs of objects `overlap` splits and merges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -123,6 +133,10 @@ pub struct OverlapOptions {
     pub termination_overlap_ratio: f64,
     /// Objects with at most this many triangles are not split (thesis: 8).
     pub min_triangles: usize,
+    /// How literally the thesis is followed.
+    pub rule: OverlapRule,
+    /// Whether the costs of each round are computed, which takes the time of some trees over all triangles.
+    pub series: bool,
 }
 
 impl Default for OverlapOptions {
@@ -133,6 +147,8 @@ impl Default for OverlapOptions {
             split_ratio: 0.25,
             termination_overlap_ratio: 0.0,
             min_triangles: 8,
+            rule: OverlapRule::default(),
+            series: false,
         }
     }
 }

@@ -131,6 +131,22 @@ impl<'a> Pieces<'a> {
         }
     }
 
+    /// Returns the boxes of the triangles of a piece when baked.
+    pub(super) fn boxes(&self, piece: Piece) -> Vec<Bounds> {
+        if let Some(items) = self.items[piece.object as usize].get(piece.range()) {
+            return items.iter().map(|item| item.bounds).collect();
+        }
+        let object = self.objects[piece.object as usize];
+        let first = object.geometry(self.scene).first_triangle;
+        let corners = |triangle| self.scene.world_corners(TriangleRef { instance: object.instance, triangle });
+        (first + piece.start..first + piece.end).map(|triangle| Bounds::of(corners(triangle))).collect()
+    }
+
+    /// The surface area of the scene's box.
+    pub(super) fn scene_area(&self) -> f64 {
+        self.scene.bounds().area()
+    }
+
     /// Returns the box around the triangles of a piece when baked.
     pub(super) fn baked_bounds(&self, piece: Piece) -> Bounds {
         match self.items[piece.object as usize].get(piece.range()) {

@@ -35,7 +35,7 @@ pub use crate::choose::DecidedBy;
 use crate::choose::{CandidateResult, Selection};
 use crate::cost::Metrics;
 use crate::emit::Copied;
-use crate::layout::BlasPer;
+use crate::layout::{BlasPer, Rounds};
 use crate::methods::PlanId;
 use crate::scene::{self, Scene};
 use crate::verify::accuracy::Accuracy;
@@ -71,6 +71,9 @@ pub struct BakeReport {
     pub method: MethodReport,
     /// Which other steps were applied or skipped, and why.
     pub passes: Vec<Pass>,
+    /// What each round of `overlap` did, if that is the method.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overlap_rounds: Option<Rounds>,
     /// Results of tracing both files.
     pub verify: Verification,
     /// The speed that the verdict is based on.

@@ -29,6 +29,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
     }
     if verbose {
         text += &passes(report);
+        text += &rounds(report);
     }
     let metrics = Sides { before: &report.before, after: &report.after };
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
@@ -223,6 +224,21 @@ fn passes(report: &BakeReport) -> String {
         format!("pass {}: {done}: {} ({:.3} s)\n", p.id.name(), p.reason, p.seconds)
     };
     report.passes.iter().map(line).collect()
+}
+
+/// Says what the rounds of `overlap` did.
+fn rounds(report: &BakeReport) -> String {
+    let Some(rounds) = &report.overlap_rounds else { return String::new() };
+    let last = rounds.list.len() - 1;
+    let taken = rounds.taken.map_or("none taken".to_owned(), |taken| format!("taken: {taken}"));
+    let ratio = |at: usize| rounds.list[at].overlap_ratio;
+    format!(
+        "rounds: {last} ({taken}), {} splits and {} merges, overlap ratio {:.3} to {:.3}\n",
+        rounds.splits,
+        rounds.merges,
+        ratio(0),
+        ratio(rounds.taken.unwrap_or(last))
+    )
 }
 
 fn comparison(metrics: Sides<&Metrics>) -> Vec<Vec<String>> {

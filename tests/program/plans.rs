@@ -27,7 +27,7 @@ fn follow(scene: &Path, output: &Path, plan: &Path, more: &[&str]) -> Ran {
 #[test]
 fn a_plan_gives_the_same_bytes() {
     for (name, more) in [
-        ("overlapping", &["--method", "overlap", "--skip-overlap-ratio", "0.005"][..]),
+        ("overlapping", &["--method", "overlap", "--skip-overlap-ratio", "0.005", "--overlap-rule", "thesis"][..]),
         ("instanced", &["--method", "auto", "--effort", "4"]),
         ("copies", &["--method", "auto", "--prune", "--keep", "nothing*"]),
         ("clean", &["--method", "auto"]),

@@ -175,3 +175,20 @@ fn inspect_says_how_many_rules_it_checked() {
         assert!(documented.contains(&format!("\n| {rule} | ")), "{rule}");
     }
 }
+
+#[test]
+fn bakes_with_overlap_tell_what_each_round_did() {
+    let rounds = |more: &[&str]| report_of("overlapping", more)["overlap_rounds"].clone();
+    let improved = rounds(&["--method", "overlap"]);
+    let list = improved["list"].as_array().expect("rounds");
+    let taken = improved["taken"].as_u64().expect("a round") as usize;
+    assert!(list.len() > 1 && taken > 0, "{improved}");
+    assert!(list[taken]["overlap_ratio"].as_f64() < list[0]["overlap_ratio"].as_f64());
+    assert!(list.iter().all(|round| round["two_level_cost"].as_f64() >= round["sah_cost"].as_f64()));
+    let sum: u64 = list[..=taken].iter().filter_map(|round| round["splits"].as_u64()).sum();
+    assert_eq!(improved["splits"], sum);
+    let literal = rounds(&["--method", "overlap", "--overlap-rule", "thesis"]);
+    assert_eq!(literal["taken"], literal["list"].as_array().expect("rounds").len() - 1);
+    assert!(rounds(&["--method", "single"]).is_null());
+    assert!(text_of("overlapping", &["--method", "overlap", "-v"]).contains("\nrounds: "));
+}

@@ -231,6 +231,7 @@ impl Done<'_> {
                 .chain(written.passes())
                 .collect(),
             notes,
+            overlap_rounds: chosen.layout.rounds,
             verify: verification,
             seconds: Seconds::default(),
             peak_memory_bytes: None,

@@ -15,22 +15,22 @@ const LABELS: f64 = 262.0;
 /// Height of a row.
 const ROW: f64 = 29.0;
 /// Place of the left and right end of charts with numbers at the left.
-const FRAME: [f64; 2] = [80.0, WIDTH - 20.0];
+pub(super) const FRAME: [f64; 2] = [80.0, WIDTH - 20.0];
 
 /// A chart and its data.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Chart {
     /// Identifies it within the page.
-    id: &'static str,
-    title: &'static str,
+    pub(super) id: &'static str,
+    pub(super) title: &'static str,
     /// What to look for.
-    caption: String,
-    svg: String,
+    pub(super) caption: String,
+    pub(super) svg: String,
     /// What the classes of marks mean: class and words.
-    legend: Vec<(&'static str, &'static str)>,
+    pub(super) legend: Vec<(&'static str, &'static str)>,
     /// Headings of the table; the first column names the row.
-    head: Vec<&'static str>,
-    rows: Vec<Vec<String>>,
+    pub(super) head: Vec<&'static str>,
+    pub(super) rows: Vec<Vec<String>>,
 }
 
 const BEFORE_AFTER: [(&str, &str); 2] = [("before", "before"), ("after", "after")];
@@ -107,7 +107,7 @@ fn grid(canvas: &mut Canvas, axis: &Axis, [top, bottom]: [f64; 2]) {
 }
 
 /// Horizontal lines at the marks of a vertical axis, with labels at the left.
-fn side_grid(canvas: &mut Canvas, axis: &Axis) {
+pub(super) fn side_grid(canvas: &mut Canvas, axis: &Axis) {
     for (value, label) in axis.marks() {
         let y = axis.place(value);
         canvas.line([FRAME[0], y], [FRAME[1], y], "grid");

@@ -8,6 +8,7 @@ mod charts;
 mod headline;
 mod pictures;
 mod preview;
+mod rounds;
 mod rows;
 mod shown;
 mod svg;
@@ -106,13 +107,14 @@ pub fn bake(report: &BakeReport, shown: Option<&Shown>) -> String {
     let files = Sides { before: report.input.bytes, after: Some(report.output_bytes) };
     let pass = |p: &Pass| Row { name: p.id.name().to_owned(), words: p.reason.clone(), cells: Vec::new() };
     let passes = |applied: bool| report.passes.iter().filter(|p| p.applied == applied).map(pass).collect();
+    let of_rounds = report.overlap_rounds.as_ref().and_then(rounds::chart);
     let page = Page {
         files: vec![report.input.path.display().to_string(), report.output.display().to_string()],
         headline: headline::of_bake(report),
         sections: rows::of_both(metrics, files, &report.verify, &report.overall),
         has_after: true,
         charts_of_speed: charts::speed(&report.verify, &report.overall).into_iter().collect(),
-        charts_of_layouts: charts::candidates(&report.method),
+        charts_of_layouts: of_rounds.into_iter().chain(charts::candidates(&report.method)).collect(),
         charts_of_time: vec![charts::seconds(&report.seconds)],
         findings: Some(Findings { list: Listed::of(report.findings.iter().cloned()), checked: String::new() }),
         choice: Some(report.method.reason.clone()),

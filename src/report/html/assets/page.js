@@ -65,6 +65,30 @@
     if (checked) show(checked.value);
   }
 
+  // --- rounds --------------------------------------------------------------------------------------------------------
+
+  /// Steps through the rounds of `overlap`: a line in their chart, and their numbers from its table.
+  function startRounds() {
+    const slider = byId('round');
+    if (!slider) return;
+    const figure = slider.closest('figure');
+    const cellsOf = (row) => [...row.cells].map((cell) => cell.textContent);
+    const [[, ...names], ...rounds] = [...figure.querySelectorAll('tr')].map(cellsOf);
+    const cursor = figure.querySelector('.cursor');
+    const last = rounds.length - 1;
+    const width = figure.querySelector('svg').viewBox.baseVal.width - 100;
+    const say = () => {
+      const [round, ...values] = rounds[slider.value];
+      const words = names.map((name, at) => (name ? `${name} ${values[at]}` : values[at]));
+      byId('of-round').textContent = `${round} of ${last}: ${words.filter(Boolean).join(', ')}`;
+      cursor.setAttribute('transform', `translate(${(width * round) / last})`);
+    };
+    slider.parentElement.hidden = false;
+    slider.value = Math.max(0, rounds.findIndex((cells) => cells.at(-1) === 'taken'));
+    slider.addEventListener('input', say);
+    say();
+  }
+
   // --- groups and objects --------------------------------------------------------------------------------------------
 
   /// Which groups of the output hold which objects of the input.
@@ -233,6 +257,7 @@
   startTheme();
   startDownload();
   startPictures();
+  startRounds();
   const scene = dataOf('scene-data');
   if (scene) {
     const provenance = new Provenance(scene);

@@ -8,7 +8,16 @@
 //!
 //! Helps if objects are hollow or intersect each other; hurts if long triangles stick out of each piece.
 //!
-//! Where the thesis leaves a choice, or following it literally raises the overlap or never ends:
+//! [`OverlapRule::Thesis`] follows the listing to the letter, but for two things: objects that merge keep their materials
+//! (the thesis chooses one), and rounds end when nothing changes any more, when a state returns (two objects can be
+//! split and merged in turns for ever), or after [`MOST_ROUNDS`]. So merged objects
+//! are divided again; both objects of a pair are used up for the round, divided or not; where all or none of an object
+//! lies inside the overlap, it is split in the middle, and the half that shares more with the overlap merges; ratios are
+//! over the box of the whole scene, and the one that ends the rounds sums the queued pairs only; the state after the last
+//! round is the layout, whatever its overlap.
+//!
+//! [`OverlapRule::Improved`], the default, departs where the thesis leaves a choice, or where following it literally
+//! raises the overlap:
 //! - Objects that merge form a mesh group in which each keeps its material. Such a group is never divided again.
 //!   Objects can only be divided as often as they have triangles, and can only merge as often as there are objects, so
 //!   the rounds terminate.
@@ -24,15 +33,20 @@
 //! object is set apart, and the ratio includes instances of the core that stay unchanged. Objects outside the core take
 //! no part: the box of a sky dome overlaps everything, and cutting objects where it does separates nothing.
 
+mod series;
+
+use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
+
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use self::series::Series;
 use crate::cost::overlap;
 use crate::layout::builder::Builder;
-use crate::layout::{Layout, Note};
+use crate::layout::{Layout, Note, Round, Rounds};
 use crate::methods::instancing::bake_within_limits;
 use crate::methods::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
-use crate::methods::{InstanceOptions, OverlapOptions};
+use crate::methods::{InstanceOptions, OverlapOptions, OverlapRule};
 use crate::scene::{Bounds, Scene};
 
 /// Maximum number of rounds, after which the best layout so far is taken. Scenes of a thousand objects take about a
@@ -51,15 +65,17 @@ pub(super) fn overlap(scene: &Scene, instances: &InstanceOptions, options: &Over
         let mut layout = Builder::new(scene);
         selection.place_left(&mut layout);
         let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
-        let (groups, least) = reduction.least_overlap();
         let input = overlap::ratio(&scene.core().instance_boxes(scene));
-        if least < input {
+        let (groups, mut rounds) = reduction.run();
+        let is_lower = rounds.taken.is_some_and(|taken| rounds.list[taken].overlap_ratio < input);
+        if is_lower || options.rule == OverlapRule::Thesis {
             reduction.pieces.emit(&groups, &mut layout);
         } else {
             selection.baked().for_each(|instance| layout.keep(instance));
             layout.note(Note::OverlapNotLowered { of_input: input });
+            rounds = Rounds::new(rounds.list, None);
         }
-        layout.finish()
+        Layout { rounds: Some(rounds), ..layout.finish() }
     })
 }
 
@@ -82,6 +98,15 @@ struct Reduction<'a> {
     bodies: Vec<Body>,
     /// Those that currently make up the scene.
     live: Vec<usize>,
+    /// What the rounds did so far.
+    done: Done,
+}
+
+/// How often objects were divided and joined.
+#[derive(Clone, Copy, Default)]
+struct Done {
+    splits: u64,
+    merges: u64,
 }
 
 /// Two bodies to process.
@@ -95,34 +120,83 @@ struct Task {
 impl<'a> Reduction<'a> {
     fn new(pieces: Pieces<'a>, options: &'a OverlapOptions) -> Self {
         let divisible = |piece: Piece| piece.len() > options.min_triangles;
-        let body = |(piece, bounds)| Body {
-            pieces: vec![piece],
-            bounds,
-            divisible: divisible(piece),
-            apart: pieces.is_apart(piece),
-        };
+        let is_apart = |piece| options.rule == OverlapRule::Improved && pieces.is_apart(piece);
+        let body =
+            |(piece, bounds)| Body { pieces: vec![piece], bounds, divisible: divisible(piece), apart: is_apart(piece) };
         let bodies: Vec<Body> = pieces.whole().into_iter().map(body).collect();
-        Reduction { pieces, options, live: (0..bodies.len()).collect(), bodies }
+        Reduction { pieces, options, live: (0..bodies.len()).collect(), bodies, done: Done::default() }
     }
 
-    /// Runs the rounds; returns the pieces of each body of the best one, and its overlap ratio.
-    fn least_overlap(&mut self) -> (Vec<Vec<Piece>>, f64) {
-        let (mut best, mut least) = (self.live.clone(), f64::INFINITY);
-        for _ in 0..MOST_ROUNDS {
-            let ratio = self.overlap_ratio();
-            if ratio < least {
-                (best, least) = (self.live.clone(), ratio);
-            }
-            if ratio < self.options.termination_overlap_ratio || !self.round(ratio) {
+    /// Runs the rounds; returns the pieces of each body of the state to take, and what the rounds did.
+    fn run(&mut self) -> (Vec<Vec<Piece>>, Rounds) {
+        let mut series = self.options.series.then(Series::default);
+        let mut list = vec![self.state(series.as_mut())];
+        let (mut best, mut taken) = (self.live.clone(), 0);
+        let mut seen = FxHashSet::default();
+        while list.len() <= MOST_ROUNDS && seen.insert(self.fingerprint()) {
+            let ratio = list[list.len() - 1].overlap_ratio;
+            if self.has_ended(ratio) || !self.round(ratio) {
                 break;
             }
+            list.push(self.state(series.as_mut()));
+            let is_better = list[list.len() - 1].overlap_ratio < list[taken].overlap_ratio;
+            if is_better || self.options.rule == OverlapRule::Thesis {
+                (best, taken) = (self.live.clone(), list.len() - 1);
+            }
         }
-        (best.into_iter().map(|body| self.bodies[body].pieces.clone()).collect(), least)
+        let groups = best.into_iter().map(|body| self.bodies[body].pieces.clone()).collect();
+        (groups, Rounds::new(list, Some(taken)))
+    }
+
+    /// Describes the present state; what was done is counted anew from here.
+    fn state(&mut self, series: Option<&mut Series>) -> Round {
+        let Done { splits, merges } = std::mem::take(&mut self.done);
+        let costs = series.map(|of| of.costs(&self.pieces, &self.bodies, &self.live, self.pieces.scene_area()));
+        Round {
+            meshes: self.live.len() as u64,
+            splits,
+            merges,
+            overlap_ratio: self.overlap_ratio(),
+            sah_cost: costs.map(|costs| costs.sah),
+            two_level_cost: costs.map(|costs| costs.two_level),
+        }
+    }
+
+    /// Returns a hash that is equal for equal states, whatever the order of the bodies.
+    fn fingerprint(&self) -> u64 {
+        let key = |&body: &usize| {
+            let Body { bounds: Bounds { min, max }, pieces, .. } = &self.bodies[body];
+            let triangles: usize = pieces.iter().map(|piece| piece.len()).sum();
+            // Not a linear hash: triangles that pass from one body to the other would leave the sum alone.
+            BuildHasherDefault::<DefaultHasher>::default()
+                .hash_one(([*min, *max].map(|p| p.to_array().map(f64::to_bits)), triangles))
+        };
+        self.live.iter().map(key).fold(0, u64::wrapping_add)
+    }
+
+    /// Whether the overlap is low enough. The thesis sums the pairs in the queue only.
+    fn has_ended(&self, overlap_ratio: f64) -> bool {
+        let least = self.options.termination_overlap_ratio;
+        match self.options.rule {
+            OverlapRule::Improved => overlap_ratio < least,
+            OverlapRule::Thesis => {
+                least > 0.0 && self.queue(overlap_ratio).iter().map(|task| task.area).sum::<f64>() < least * self.area()
+            }
+        }
+    }
+
+    /// The area that overlaps are relative to.
+    fn area(&self) -> f64 {
+        match self.options.rule {
+            OverlapRule::Improved => self.pieces.core_area,
+            OverlapRule::Thesis => self.pieces.scene_area(),
+        }
     }
 
     fn overlap_ratio(&self) -> f64 {
         let live = self.live.iter().map(|&body| &self.bodies[body]).filter(|body| !body.apart).map(|body| body.bounds);
-        overlap::ratio(&live.chain(self.pieces.others.iter().copied()).collect::<Vec<_>>())
+        let boxes: Vec<Bounds> = live.chain(self.pieces.others.iter().copied()).collect();
+        overlap::ratio(&boxes)
     }
 
     /// Makes one pass through the queue; returns whether anything changed.
@@ -130,19 +204,21 @@ impl<'a> Reduction<'a> {
         if self.merge_crowds() {
             return true;
         }
-        let mut dirty = vec![false; self.live.len()];
+        let (mut dirty, mut gone) = (vec![false; self.live.len()], vec![false; self.live.len()]);
         let mut successors = Vec::new();
         for Task { places, area } in self.queue(overlap_ratio) {
             if places.iter().any(|&place| dirty[place]) {
                 continue;
             }
-            if let Some(new) = self.process(places.map(|place| self.live[place]), area) {
-                places.iter().for_each(|&place| dirty[place] = true);
-                successors.extend(new);
+            let new = self.process(places.map(|place| self.live[place]), area);
+            for place in places {
+                dirty[place] = new.is_some() || self.options.rule == OverlapRule::Thesis;
+                gone[place] = new.is_some();
             }
+            successors.extend(new.into_iter().flatten());
         }
         let mut place = 0..self.live.len();
-        self.live.retain(|_| place.next().is_some_and(|place| !dirty[place]));
+        self.live.retain(|_| place.next().is_some_and(|place| !gone[place]));
         self.live.extend(&successors);
         !successors.is_empty()
     }
@@ -150,7 +226,8 @@ impl<'a> Reduction<'a> {
     /// Merges bodies whose boxes are equal, if these are more than a queue can hold all pairs of; returns whether there
     /// were any. In the queue they would merge two by two, a few thousand per round.
     fn merge_crowds(&mut self) -> bool {
-        if self.live.len() <= FEW_OBJECTS || self.options.split_or_merge_ratio > 1.0 {
+        let is_literal = self.options.rule == OverlapRule::Thesis;
+        if is_literal || self.live.len() <= FEW_OBJECTS || self.options.split_or_merge_ratio > 1.0 {
             return false;
         }
         let mut crowds: FxHashMap<[[u64; 3]; 2], Vec<usize>> = FxHashMap::default();
@@ -182,7 +259,7 @@ impl<'a> Reduction<'a> {
             places.sort_unstable();
         }
         let boxes: Vec<Bounds> = places.iter().map(|&place| bounds_at(place)).collect();
-        let mut pairs = overlap::pairs(&boxes, min_ratio * self.pieces.core_area);
+        let mut pairs = overlap::pairs(&boxes, min_ratio * self.area());
         pairs.par_sort_by(|a, b| b.area.total_cmp(&a.area));
         let task = |pair: overlap::Pair| Task { places: [pair.a, pair.b].map(|i| places[i as usize]), area: pair.area };
         pairs.into_iter().map(task).collect()
@@ -223,9 +300,16 @@ impl<'a> Reduction<'a> {
 
     /// Joins bodies into a mesh group.
     fn merge(&mut self, bodies: &[usize]) -> usize {
+        self.done.merges += 1;
         let bounds = bodies.iter().map(|&body| self.baked_bounds(body)).reduce(|a, b| a.union(&b));
-        let pieces = bodies.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
-        self.push(Body { pieces, bounds: bounds.unwrap_or(Bounds::EMPTY), divisible: false, apart: false })
+        let pieces: Vec<Piece> = bodies.iter().flat_map(|&body| self.bodies[body].pieces.iter().copied()).collect();
+        let divisible = self.options.rule == OverlapRule::Thesis && self.is_large(&pieces);
+        self.push(Body { pieces, bounds: bounds.unwrap_or(Bounds::EMPTY), divisible, apart: false })
+    }
+
+    /// Whether pieces have enough triangles together to be divided.
+    fn is_large(&self, pieces: &[Piece]) -> bool {
+        pieces.iter().map(|piece| piece.len()).sum::<usize>() > self.options.min_triangles
     }
 
     /// Returns the box of a body once it cannot stay as it is in the input.
@@ -243,21 +327,33 @@ impl<'a> Reduction<'a> {
         if let Some([inside, outside]) = self.divide(body, is_inside) {
             Cut { inside: Some(inside), outside: vec![outside] }
         } else if let Some(halves) = self.split_in_the_middle(body) {
-            Cut { inside: None, outside: halves.to_vec() }
+            self.cut_in_the_middle(halves, common)
         } else {
             Cut { inside: Some(body), outside: Vec::new() }
+        }
+    }
+
+    /// What merges of a body that was split in the middle: nothing, or by the thesis what shares more with the overlap.
+    fn cut_in_the_middle(&self, [a, b]: [usize; 2], common: &Bounds) -> Cut {
+        let shared = |body: usize| self.bodies[body].bounds.intersection(common).area();
+        match self.options.rule {
+            OverlapRule::Improved => Cut { inside: None, outside: vec![a, b] },
+            OverlapRule::Thesis if shared(b) > shared(a) => Cut { inside: Some(b), outside: vec![a] },
+            OverlapRule::Thesis => Cut { inside: Some(a), outside: vec![b] },
         }
     }
 
     /// Divides a body at the middle of the longest edge of its box, or of the box of its centroids if they all lie on
     /// one side; `None` if it cannot be divided, which is remembered.
     fn split_in_the_middle(&mut self, body: usize) -> Option<[usize; 2]> {
-        let piece = self.divisible_piece(body)?;
-        let bounds = bounds_of(self.pieces.items(piece));
+        let pieces = self.divisible_pieces(body)?;
+        let around = |of: fn(&[Item]) -> Bounds| {
+            pieces.iter().fold(Bounds::EMPTY, |all, &piece| all.union(&of(self.pieces.items(piece))))
+        };
+        let (bounds, centroids) = (around(bounds_of), around(centroid_bounds));
         let axis = longest_axis(&bounds);
         let middle = self.pieces.seen_from_middle(bounds.center())[axis];
         let halves = self.divide(body, |item| item.centroid[axis] < middle).or_else(|| {
-            let centroids = centroid_bounds(self.pieces.items(piece));
             let axis = longest_axis(&centroids);
             let middle = centroids.center()[axis];
             self.divide(body, |item| f64::from(item.centroid[axis]) <= middle)
@@ -269,27 +365,28 @@ impl<'a> Reduction<'a> {
     /// Divides a body into the triangles for which `is_first` holds and the others; `None` if it must not be divided or
     /// if one part would be empty.
     fn divide(&mut self, body: usize, is_first: impl Fn(&Item) -> bool) -> Option<[usize; 2]> {
-        let piece = self.divisible_piece(body)?;
-        let parts = self.pieces.divide(piece, is_first);
-        parts.iter().all(|part| part.len() > 0).then(|| {
-            parts.map(|part| {
-                let bounds = self.pieces.baked_bounds(part);
-                let divisible = part.len() > self.options.min_triangles;
-                self.push(Body { pieces: vec![part], bounds, divisible, apart: false })
+        let mut parts = [Vec::new(), Vec::new()];
+        for piece in self.divisible_pieces(body)? {
+            let divided = self.pieces.divide(piece, &is_first);
+            parts.iter_mut().zip(divided).for_each(|(part, piece)| part.extend(Some(piece).filter(|p| p.len() > 0)));
+        }
+        parts.iter().all(|part| !part.is_empty()).then(|| {
+            self.done.splits += 1;
+            parts.map(|pieces| {
+                let bounds = pieces.iter().map(|&piece| self.pieces.baked_bounds(piece));
+                let bounds = bounds.fold(Bounds::EMPTY, |all, b| all.union(&b));
+                let divisible = self.is_large(&pieces);
+                self.push(Body { pieces, bounds, divisible, apart: false })
             })
         })
     }
 
-    /// Returns the triangles of a body that may be divided.
-    fn divisible_piece(&mut self, body: usize) -> Option<Piece> {
-        match &self.bodies[body] {
-            Body { divisible: true, pieces, .. } => {
-                let piece = pieces[0];
-                self.pieces.load(piece);
-                Some(piece)
-            }
-            _ => None,
-        }
+    /// Returns what a body that may be divided consists of, with its triangles read.
+    fn divisible_pieces(&mut self, body: usize) -> Option<Vec<Piece>> {
+        let Body { divisible: true, pieces, .. } = &self.bodies[body] else { return None };
+        let pieces = pieces.clone();
+        pieces.iter().for_each(|&piece| self.pieces.load(piece));
+        Some(pieces)
     }
 
     fn push(&mut self, body: Body) -> usize {
@@ -454,9 +551,87 @@ mod tests {
             builder.object("pile", i, vec![small_triangle(Vec3::X * 0.01 * i as f32); 5000]);
         }
         let scene = builder.scene();
-        for options in [with_ratios(0.0, 2.0, 2.0), with_ratios(0.0, 0.0, 2.0), with_ratios(0.0, 0.0, 0.0)] {
+        let improved = [with_ratios(0.0, 2.0, 2.0), with_ratios(0.0, 0.0, 2.0), with_ratios(0.0, 0.0, 0.0)];
+        let all = improved.into_iter().flat_map(|options| {
+            [OverlapRule::Improved, OverlapRule::Thesis].map(|rule| OverlapOptions { rule, ..options })
+        });
+        for options in all {
             assert_eq!(group_sizes(&scene, &checked(&scene, &options)).iter().sum::<usize>(), 20_000);
         }
+    }
+
+    fn literal(skip: f64, split: f64, split_or_merge: f64) -> OverlapOptions {
+        OverlapOptions { rule: OverlapRule::Thesis, ..with_ratios(skip, split, split_or_merge) }
+    }
+
+    fn rounds_of(layout: &Layout) -> &Rounds {
+        layout.rounds.as_ref().expect("overlap has rounds")
+    }
+
+    /// Two fields in one place, and one whose box they share a little of.
+    fn merged_then_split() -> Scene {
+        let mut builder = SceneBuilder::default();
+        builder.object("leaves", 0, field(Vec3::ZERO, 20));
+        builder.object("twigs", 1, field(Vec3::splat(0.01), 20));
+        builder.object("corner", 2, field(Vec3::new(17.0, 17.0, 0.0), 20));
+        builder.scene()
+    }
+
+    #[test]
+    fn by_the_thesis_what_merged_is_divided_again() {
+        let scene = merged_then_split();
+        let sizes = |options: &OverlapOptions| group_sizes(&scene, &checked(&scene, options));
+        let options = with_ratios(0.001, 0.4, 0.5);
+        assert!(sizes(&options).contains(&800), "{:?}", sizes(&options));
+        let layout = checked(&scene, &literal(0.001, 0.4, 0.5));
+        assert!(group_sizes(&scene, &layout).iter().all(|&size| size < 800), "{:?}", group_sizes(&scene, &layout));
+        assert!(group_names(&layout).iter().any(|name| name.contains("+ 1")), "{:?}", group_names(&layout));
+        assert!(rounds_of(&layout).merges >= 1 && rounds_of(&layout).splits >= 2, "{:?}", rounds_of(&layout));
+    }
+
+    #[test]
+    fn by_the_thesis_the_last_round_is_taken_and_rounds_end_when_a_state_returns() {
+        // Halves of long diagonal triangles overlap more than the whole, and merge again.
+        let mut builder = SceneBuilder::default();
+        let needle = |x: f32| [Vec3::new(x, 0.0, 0.0), Vec3::new(x + 40.0, 40.0, 1.0), Vec3::new(x + 1.0, 0.0, 0.0)];
+        builder.object("a", 0, (0..30).map(|i| needle(0.1 * i as f32)).collect());
+        builder.object("b", 1, (0..30).map(|i| needle(38.0 + 0.1 * i as f32)).collect());
+        let scene = builder.scene();
+        let layout = checked(&scene, &literal(0.0, 0.9, 0.9));
+        let meshes: Vec<u64> = rounds_of(&layout).list.iter().map(|round| round.meshes).collect();
+        assert_eq!((meshes.as_slice(), rounds_of(&layout).taken), (&[2, 4, 2][..], Some(2)));
+        // With merging off, they stay divided.
+        let layout = checked(&scene, &OverlapOptions { min_triangles: 20, ..literal(0.0, 2.0, 2.0) });
+        let Rounds { taken, list, .. } = rounds_of(&layout);
+        assert_eq!(*taken, Some(list.len() - 1));
+        assert!(list[list.len() - 1].overlap_ratio > list[0].overlap_ratio, "{list:?}");
+        let improved = checked(&scene, &with_ratios(0.0, 0.9, 0.9));
+        assert_eq!(group_names(&improved), ["kept a", "kept b"]);
+        assert_eq!(rounds_of(&improved).taken, None);
+    }
+
+    #[test]
+    fn rounds_are_counted_and_cost_what_their_layout_costs() {
+        let mut builder = SceneBuilder::default();
+        builder.object("left", 0, field(Vec3::ZERO, 20));
+        builder.object("right", 1, field(Vec3::new(10.05, 0.0, 0.0), 20));
+        let scene = builder.scene();
+        let layout = checked(&scene, &OverlapOptions { series: true, ..with_ratios(0.05, 0.1, 0.9) });
+        let rounds = rounds_of(&layout);
+        let taken = rounds.list[rounds.taken.unwrap()];
+        assert_eq!((rounds.list[0].meshes, rounds.list[0].splits, rounds.list[0].merges), (2, 0, 0));
+        assert_eq!((taken.meshes, taken.splits, taken.merges), (3, 2, 1));
+        let structure = crate::cost::structure::Structure::build(&scene, &layout);
+        let sum = crate::cost::two_level::TwoLevelCost::of(&structure, &layout);
+        let area = scene.bounds().area();
+        let (sah, two_level) = (sum.flat_cost(area), sum.cost(area));
+        assert!((taken.sah_cost.unwrap() / sah - 1.0).abs() < 0.1, "{:?} {sah}", taken.sah_cost);
+        assert!(
+            (taken.two_level_cost.unwrap() / two_level - 1.0).abs() < 0.1,
+            "{:?} {two_level}",
+            taken.two_level_cost
+        );
+        assert!(taken.two_level_cost < rounds.list[0].two_level_cost);
     }
 
     #[test]
