@@ -51,6 +51,7 @@ pub mod emit;
 pub mod lab;
 pub mod layout;
 pub mod methods;
+pub mod motion;
 mod parallel;
 pub mod render;
 pub mod report;
