@@ -7,6 +7,7 @@
 
 mod animation;
 mod crowd;
+pub mod frames;
 mod moving_scene;
 mod orbit;
 

@@ -7,12 +7,14 @@
 pub mod accuracy;
 pub mod approach;
 pub mod build;
+pub mod check_hits;
 pub mod compare;
 pub mod contents;
 pub mod cpu;
 pub mod device;
 pub mod errors;
 mod exact;
+pub mod frames;
 mod hit_surfaces;
 pub mod identity;
 mod materials;

@@ -160,18 +160,33 @@ pub fn generate_by<E>(scene: &Scene, closest: &FirstHits<E>, sampling: &Sampling
     let mut rays = Rays { kinds: Default::default(), views: Vec::new(), radius: stage.radius };
     for (i, (role, view)) in placed.iter().enumerate() {
         let range = i * count / placed.len()..(i + 1) * count / placed.len();
-        let (mut primary, seen) = maker.look(view, range.clone(), closest)?;
+        let mut of_view = maker.of_view(view, range.clone(), closest)?;
         for (kind, of_kind) in rays.kinds.iter_mut() {
-            of_kind.extend(match kind {
-                RayKind::Primary => std::mem::take(&mut primary),
-                RayKind::Shadow => generated(range.clone(), &|i| maker.shadow(i, &seen)),
-                RayKind::Diffuse => generated(range.clone(), &|i| maker.diffuse(i, &seen)),
-                RayKind::Random => generated(range.clone(), &|i| maker.random(i)),
-            });
+            of_kind.append(&mut of_view[kind]);
         }
         rays.views.push(RaysOfView { name: view.name.clone(), seen_ratio: view.seen_ratio, role: *role, range });
     }
     Ok(rays)
+}
+
+/// Generates as many rays of each kind from one view, as [`generate`] does; none for a scene without triangles. `stage`
+/// places the light and the random lines, so that they stay where they are while things move.
+///
+/// # Errors
+/// Returns the errors of `closest`.
+pub(crate) fn generate_from<E>(
+    scene: &Scene,
+    stage: Stage,
+    view: View,
+    closest: &FirstHits<E>,
+    sampling: (usize, u64),
+) -> Result<PerKind<Vec<Ray>>, E> {
+    let (count, seed) = sampling;
+    if scene.instances.is_empty() {
+        return Ok(PerKind::default());
+    }
+    let view = PlacedView { name: String::new(), source: Source::View(view), seen_ratio: 1.0 };
+    Maker { scene, stage, seed }.of_view(&view, 0..count, closest)
 }
 
 impl Rays {
@@ -242,6 +257,22 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
+    /// Returns the rays of each kind of a view.
+    fn of_view<E>(
+        &self,
+        view: &PlacedView,
+        range: Range<usize>,
+        closest: &FirstHits<E>,
+    ) -> Result<PerKind<Vec<Ray>>, E> {
+        let (mut primary, seen) = self.look(view, range.clone(), closest)?;
+        Ok(PerKind::of(|kind| match kind {
+            RayKind::Primary => std::mem::take(&mut primary),
+            RayKind::Shadow => generated(range.clone(), &|i| self.shadow(i, &seen)),
+            RayKind::Diffuse => generated(range.clone(), &|i| self.diffuse(i, &seen)),
+            RayKind::Random => generated(range.clone(), &|i| self.random(i)),
+        }))
+    }
+
     /// Returns the primary rays of a view, and what they hit; if they hit nothing, points of random triangles instead.
     fn look<E>(
         &self,

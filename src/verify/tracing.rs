@@ -13,7 +13,7 @@ use super::view_speeds::ViewSpeeds;
 use super::views::Role;
 use super::work::Work;
 use super::{Note, OpaqueTextures, PerKind, Side, Sides, VerifyOptions};
-use crate::scene::{Scene, TriangleRef};
+use crate::scene::Scene;
 
 /// A tracer of rays through one scene.
 pub trait Tracer {
@@ -354,10 +354,5 @@ fn timed_rays<T: Tracer>(before: &Scene, rays: &Rays, tracer: &T, options: &Veri
 /// Returns the closest hits reported by a tracer, in the form of true hits.
 pub(super) fn seen_by<T: Tracer>(tracer: &T, rays: &[Ray]) -> Result<Vec<Option<TrueHit>>, T::Error> {
     let hits = tracer.closest(&tracer.prepare(rays)?)?;
-    let believed = |hit: Hit| TrueHit {
-        t: f64::from(hit.t),
-        at: TriangleRef { instance: hit.instance, triangle: hit.triangle },
-        front: hit.front,
-    };
-    Ok(hits.into_iter().map(|hit| hit.map(believed)).collect())
+    Ok(hits.into_iter().map(|hit| hit.map(TrueHit::from)).collect())
 }

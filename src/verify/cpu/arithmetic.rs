@@ -4,7 +4,7 @@ use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 
 use super::boxes::{BoxRay, Real};
 use super::search::Inside;
-use super::two_level::{Bottom, Entry};
+use super::two_level::{Bottom, Entry, LARGEST};
 use super::watertight::{Crossing, ShearedRay, TriangleTest};
 
 /// How a ray is traced.
@@ -56,9 +56,6 @@ impl<X: TriangleTest<f32>> Arithmetic for Single<X> {
         Inside { start: 0.0, boxes, triangles: X::new(origin.to_array(), direction.to_array()) }
     }
 }
-
-/// Largest coordinate of a scaled mesh.
-const LARGEST: f64 = 2.0;
 
 /// Double precision throughout, except for the corners, which are stored in single precision.
 pub(super) struct Double;

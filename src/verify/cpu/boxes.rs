@@ -115,6 +115,23 @@ pub(super) fn boxed(tree: &Tree, bounds: &[Bounds]) -> Vec<BoxNode> {
     tree.nodes.iter().zip(bounds).map(boxed).collect()
 }
 
+/// Computes the boxes of nodes anew from the boxes of their items, rounded outward, and keeps the tree as it is.
+pub(super) fn refit(nodes: &mut [BoxNode], of_items: impl Fn(Range<usize>) -> Bounds) {
+    // Children come after their parent.
+    for at in (0..nodes.len()).rev() {
+        let node = nodes[at];
+        let (min, max) = if node.count > 0 {
+            let bounds = of_items(node.items());
+            (bounds.min.to_array().map(round_down), bounds.max.to_array().map(|x| -round_down(-x)))
+        } else {
+            let [left, right] = [nodes[node.first as usize], nodes[node.first as usize + 1]];
+            let least = std::array::from_fn(|i| left.min[i].min(right.min[i]));
+            (least, std::array::from_fn(|i| left.max[i].max(right.max[i])))
+        };
+        (nodes[at].min, nodes[at].max) = (min, max);
+    }
+}
+
 /// Returns the largest `f32` not above a number.
 fn round_down(x: f64) -> f32 {
     let nearest = x as f32;

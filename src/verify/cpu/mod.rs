@@ -3,6 +3,7 @@
 mod arithmetic;
 mod boxes;
 mod fast;
+mod moving;
 mod reference;
 mod search;
 mod tracer;
@@ -14,6 +15,7 @@ mod tests;
 #[cfg(test)]
 mod tests_of_arithmetic;
 
+pub(crate) use moving::{Bottoms, MovingTop};
 pub use reference::{Reference, TrueHit};
 pub use search::Steps;
 pub use tracer::{ComputingTracer, CpuTracer, Precision, Probe};

@@ -8,6 +8,7 @@ use super::search::{Found, Inside, Interval, Stacks, search};
 use super::two_level::{Entry, TwoLevel};
 use super::watertight::{ShearedRay, TriangleTest};
 use crate::scene::TriangleRef;
+use crate::verify::Hit;
 use crate::verify::rays::Ray;
 use crate::verify::rounding::absolute;
 
@@ -20,6 +21,14 @@ pub struct TrueHit {
     pub at: TriangleRef,
     /// Whether the front is hit, by glTF's rule.
     pub front: bool,
+}
+
+impl From<Hit> for TrueHit {
+    /// Believes what a tracer reports.
+    fn from(hit: Hit) -> TrueHit {
+        let at = TriangleRef { instance: hit.instance, triangle: hit.triangle };
+        TrueHit { t: f64::from(hit.t), at, front: hit.front }
+    }
 }
 
 /// Finds hits as if without rounding: triangles are tested in world coordinates in double precision, as returned by

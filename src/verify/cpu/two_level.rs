@@ -5,12 +5,13 @@
 
 use std::borrow::Cow;
 use std::hash::{BuildHasher, Hash, Hasher};
+use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::{FxBuildHasher, FxHashMap, FxHashSet, FxHasher};
 
-use super::boxes::{BoxNode, boxed};
+use super::boxes::{BoxNode, boxed, refit};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::sah::FaceAreas;
 use crate::cost::two_level::TwoLevelCost;
@@ -22,7 +23,7 @@ use crate::verify::rounding::{Magnitude, SINGLE};
 /// A bottom tree for each mesh, and a top tree over the instances.
 #[derive(Debug, Default)]
 pub struct TwoLevel {
-    pub(super) bottom: Vec<Bottom>,
+    pub(super) bottom: Vec<Arc<Bottom>>,
     pub(super) top: Vec<BoxNode>,
     /// The instances that rays can enter, in the order of the top tree.
     pub(super) entries: Vec<Entry>,
@@ -51,7 +52,7 @@ pub(super) struct Bottom {
 
 /// How far the boxes of instances extend beyond their contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Padding {
+pub(super) enum Padding {
     Nothing,
     /// Far enough for the error of transforming a ray into the mesh in single precision.
     AsRaysNeed,
@@ -89,8 +90,8 @@ impl TwoLevel {
     }
 
     fn build_padded(scene: &Scene, trees: &MeshTrees, padding: Padding) -> TwoLevel {
-        let build = |(number, mesh): (usize, &Mesh)| Bottom::build(mesh, trees.get(MeshId(number as u32)));
-        TwoLevel::over(parallel::map(scene.meshes.len(), &|m| build((m, &scene.meshes[m]))), scene, padding)
+        let build = |m: usize| Arc::new(Bottom::build(&scene.meshes[m], trees.get(MeshId(m as u32))));
+        TwoLevel::over(parallel::map(scene.meshes.len(), &build), scene, padding)
     }
 
     /// Places the meshes as a scene does, with boxes of instances that rays of [`super::CpuTracer`] do not miss.
@@ -99,13 +100,23 @@ impl TwoLevel {
     }
 
     /// Builds the tree over the instances.
-    fn over(bottom: Vec<Bottom>, scene: &Scene, padding: Padding) -> TwoLevel {
+    fn over(bottom: Vec<Arc<Bottom>>, scene: &Scene, padding: Padding) -> TwoLevel {
+        TwoLevel::over_instances(bottom, scene, distinct_instances(scene), padding)
+    }
+
+    /// Builds the tree over some of the instances.
+    pub(super) fn over_instances(
+        bottom: Vec<Arc<Bottom>>,
+        scene: &Scene,
+        instances: Vec<usize>,
+        padding: Padding,
+    ) -> TwoLevel {
         let extent = |i: &Instance| {
             let mesh = &bottom[i.mesh.0 as usize];
             largest_coordinate(&mesh.bounds.transformed(&scaled(&i.transform, 1.0, mesh.scale)))
         };
         let scale = unit_scale(scene.instances.iter().map(extent).fold(0.0, f64::max));
-        let placed: Vec<(Entry, Bounds)> = distinct_instances(scene)
+        let placed: Vec<(Entry, Bounds)> = instances
             .into_par_iter()
             .filter_map(|i| Entry::of(i, &scene.instances[i], &bottom, scale, padding))
             .collect();
@@ -161,7 +172,7 @@ impl TwoLevel {
     /// Returns the two-level cost of the trees over an area of the scene, see [`TwoLevelCost::cost`]. As boxes are
     /// rounded outward, it may be larger by a few parts in a million; padded instances add to it.
     pub fn cost(&self, scene_area: f64) -> f64 {
-        let areas = |b: &Bottom| FaceAreas::sum(b.nodes.iter().map(|node| (node.count, node.bounds())));
+        let areas = |b: &Arc<Bottom>| FaceAreas::sum(b.nodes.iter().map(|node| (node.count, node.bounds())));
         let of_mesh: Vec<FaceAreas> = parallel::map_each(&self.bottom, &areas);
         let inner = self.top.iter().filter(|node| node.count == 0).map(|node| node.bounds().area());
         let leaves = self.top.iter().filter(|node| node.count > 0);
@@ -176,13 +187,8 @@ impl TwoLevel {
 
 impl Bottom {
     fn build(mesh: &Mesh, tree: Option<&Tree>) -> Bottom {
-        let largest = |g: &Geometry| {
-            let corners = g.triangles.par_iter().flatten().map(|&v| g.positions[v as usize].abs().max_element());
-            corners.reduce(|| 0.0, f32::max)
-        };
-        let scale = unit_scale(f64::from(mesh.geometries.iter().map(largest).fold(0.0, f32::max)));
-        let corners = |t: u32| mesh.corners(t).map(|p| (p.as_dvec3() * scale).as_vec3());
-        let bounds = |t: u32| Bounds::of(corners(t).map(|p| p.as_dvec3()));
+        let scale = scale_of(mesh);
+        let bounds = |t: u32| Bounds::of(scaled_corners(mesh, t, scale).map(|p| p.as_dvec3()));
         let kept = distinct(mesh);
         let tree = match tree.filter(|tree| tree.order.len() == mesh.triangle_count()) {
             Some(tree) if tree.order.len() == kept.len() => Cow::Borrowed(tree),
@@ -194,6 +200,30 @@ impl Bottom {
             }
         };
         drop(kept);
+        Bottom::of(mesh, tree, scale)
+    }
+
+    /// Builds the tree over all triangles, for a mesh that deforms: equal triangles may part.
+    pub(super) fn build_all(mesh: &Mesh) -> Bottom {
+        let scale = scale_of(mesh);
+        let bounds = |t: u32| Bounds::of(scaled_corners(mesh, t, scale).map(|p| p.as_dvec3()));
+        let tree = Tree::build_from(mesh.triangle_count(), Quality::Medium, &bounds);
+        Bottom::of(mesh, Cow::Owned(tree), scale)
+    }
+
+    /// Returns the same tree over the deformed mesh; `None` if the mesh has outgrown the scale of the tree.
+    pub(super) fn refitted(&self, mesh: &Mesh) -> Option<Bottom> {
+        let corners: Vec<[Vec3; 3]> = self.order.iter().map(|&t| scaled_corners(mesh, t, self.scale)).collect();
+        let mut nodes = self.nodes.clone();
+        refit(&mut nodes, |items| Bounds::of(corners[items].iter().flatten().map(|p| p.as_dvec3())));
+        let bounds = nodes.first().map_or(Bounds::EMPTY, BoxNode::bounds);
+        let fits = largest_coordinate(&bounds) <= LARGEST;
+        fits.then(|| Bottom { nodes, corners, bounds, order: self.order.clone(), ..*self })
+    }
+
+    fn of(mesh: &Mesh, tree: Cow<'_, Tree>, scale: f64) -> Bottom {
+        let corners = |t: u32| scaled_corners(mesh, t, scale);
+        let bounds = |t: u32| Bounds::of(corners(t).map(|p| p.as_dvec3()));
         let nodes = tree.refit(|items| items.iter().fold(Bounds::EMPTY, |b, &t| b.union(&bounds(t))), Bounds::union);
         Bottom {
             bounds: nodes.first().copied().unwrap_or(Bounds::EMPTY),
@@ -206,12 +236,28 @@ impl Bottom {
     }
 }
 
+/// Largest coordinate of a scaled mesh, which the padding of boxes relies on.
+pub(super) const LARGEST: f64 = 2.0;
+
+/// Returns the power of two that scales a mesh into the range of its tree.
+fn scale_of(mesh: &Mesh) -> f64 {
+    let largest = |g: &Geometry| {
+        let corners = g.triangles.par_iter().flatten().map(|&v| g.positions[v as usize].abs().max_element());
+        corners.reduce(|| 0.0, f32::max)
+    };
+    unit_scale(f64::from(mesh.geometries.iter().map(largest).fold(0.0, f32::max)))
+}
+
+fn scaled_corners(mesh: &Mesh, triangle: u32, scale: f64) -> [Vec3; 3] {
+    mesh.corners(triangle).map(|p| (p.as_dvec3() * scale).as_vec3())
+}
+
 impl Entry {
     /// Returns the entry and its padded world box, as a driver computes it.
-    fn of(
+    pub(super) fn of(
         index: usize,
         instance: &Instance,
-        bottom: &[Bottom],
+        bottom: &[Arc<Bottom>],
         scale: f64,
         padding: Padding,
     ) -> Option<(Entry, Bounds)> {
@@ -309,7 +355,7 @@ fn scaled(transform: &DAffine3, world: f64, mesh: f64) -> DAffine3 {
     }
 }
 
-fn largest_coordinate(bounds: &Bounds) -> f64 {
+pub(super) fn largest_coordinate(bounds: &Bounds) -> f64 {
     if bounds.is_empty() { 0.0 } else { bounds.min.abs().max(bounds.max.abs()).max_element() }
 }
 

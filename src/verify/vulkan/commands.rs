@@ -132,7 +132,13 @@ impl<'d> Queries<'d> {
 
     /// Returns the results; the work that writes them must have completed.
     pub(super) fn results(&self) -> Result<Vec<u64>, Error> {
-        let mut results = vec![0u64; self.count as usize];
+        self.first_results(self.count)
+    }
+
+    /// Returns the results of the first queries, if only these were written.
+    fn first_results(&self, count: u32) -> Result<Vec<u64>, Error> {
+        assert!(count <= self.count, "there are as many queries");
+        let mut results = vec![0u64; count as usize];
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
         // SAFETY: as above; the slice has one element per query.
         unsafe { self.device.handle.get_query_pool_results(self.pool, 0, &mut results, flags) }
@@ -154,30 +160,48 @@ pub(super) struct Timer<'d> {
 }
 
 impl<'d> Timer<'d> {
+    /// Creates a timer of one interval.
     pub(super) fn new(device: &'d Device) -> Result<Timer<'d>, Error> {
-        Ok(Timer { queries: Queries::new(device, vk::QueryType::TIMESTAMP, 2)? })
+        Timer::of_intervals(device, 1)
+    }
+
+    /// Creates a timer of up to so many intervals that follow each other.
+    pub(super) fn of_intervals(device: &'d Device, intervals: u32) -> Result<Timer<'d>, Error> {
+        Ok(Timer { queries: Queries::new(device, vk::QueryType::TIMESTAMP, intervals + 1)? })
     }
 
     /// Records work between two timestamps.
     pub(super) fn measure(&self, commands: vk::CommandBuffer, record: impl FnOnce()) {
-        self.queries.reset(commands);
-        self.stamp(commands, 0);
+        self.start(commands);
         record();
         self.stamp(commands, 1);
     }
 
-    fn stamp(&self, commands: vk::CommandBuffer, query: u32) {
-        let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
-        // SAFETY: the command buffer is being recorded, the pool has two queries, and the family supports timestamps.
-        unsafe { self.queries.device.handle.cmd_write_timestamp(commands, stage, self.queries.pool, query) }
+    /// Records the start of the first interval.
+    pub(super) fn start(&self, commands: vk::CommandBuffer) {
+        self.queries.reset(commands);
+        self.stamp(commands, 0);
     }
 
-    /// Returns the time between the timestamps of the last submission, in milliseconds.
+    /// Records the end of an interval, counted from 1, which is also the start of the next.
+    pub(super) fn stamp(&self, commands: vk::CommandBuffer, interval: u32) {
+        assert!(interval < self.queries.count, "there is a timestamp for each interval");
+        let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+        // SAFETY: the command buffer is being recorded, the pool has the query, and the family supports timestamps.
+        unsafe { self.queries.device.handle.cmd_write_timestamp(commands, stage, self.queries.pool, interval) }
+    }
+
+    /// Returns the time between the first two timestamps of the last submission, in milliseconds.
     pub(super) fn milliseconds(&self) -> Result<f64, Error> {
-        let stamps = self.queries.results()?;
+        Ok(self.intervals(1)?[0])
+    }
+
+    /// Returns the first intervals of the last submission, in milliseconds.
+    pub(super) fn intervals(&self, count: u32) -> Result<Vec<f64>, Error> {
+        let stamps = self.queries.first_results(count + 1)?;
         let device = self.queries.device;
         let mask = u64::MAX >> (64 - device.family.timestamp_bits.clamp(1, 64));
-        let ticks = stamps[1].wrapping_sub(stamps[0]) & mask;
-        Ok(ticks as f64 * device.timestamp_period * 1e-6)
+        let between = |pair: &[u64]| (pair[1].wrapping_sub(pair[0]) & mask) as f64 * device.timestamp_period * 1e-6;
+        Ok(stamps.windows(2).map(between).collect())
     }
 }

@@ -106,7 +106,6 @@ impl Device {
     }
 
     /// Returns the device memory in use, in bytes.
-    #[cfg(test)]
     pub(super) fn used_memory(&self) -> u64 {
         self.ledger.used()
     }

@@ -92,7 +92,6 @@ impl Ledger {
     }
 
     /// Returns the memory in use, in bytes.
-    #[cfg(test)]
     pub(super) fn used(&self) -> u64 {
         self.used.load(Ordering::Relaxed)
     }

@@ -7,7 +7,7 @@
 //! The only requirements are the extensions `VK_KHR_acceleration_structure` and `VK_KHR_ray_tracing_pipeline` and
 //! buffer addresses. All unsafe code of the program is in this folder. Files, in order of dependency: `error`,
 //! `instance`, `info`, `device`, `commands`, `memory`, `transfer`, `accel`, `interface`, `alpha`, `pipeline`, `trace`,
-//! `tracer`.
+//! `tracer`, `frames`.
 
 #![allow(unsafe_code)]
 
@@ -16,6 +16,7 @@ mod alpha;
 mod commands;
 mod device;
 mod error;
+mod frames;
 mod info;
 mod instance;
 mod interface;
@@ -31,6 +32,7 @@ mod tests;
 pub use accel::{BlasPer, BuildOptions, BuildReport, Prefer};
 pub use device::{Device, Wanted};
 pub use error::Error;
+pub(in crate::verify) use frames::VulkanFrames;
 pub use info::{DeviceInfo, Heap, Limits};
 pub use instance::{Options, Vulkan};
 pub use trace::{Pipelines, RayBuffer, Traced, VulkanTracer};

@@ -15,7 +15,7 @@ use super::pipeline::{HITS, Pipeline, TIMING};
 use super::transfer::{Uploader, download};
 use crate::scene::Scene;
 use crate::verify::rays::Ray;
-use crate::verify::{Hit, OpaqueTextures};
+use crate::verify::{Hit, OpaqueTextures, PerKind};
 
 /// Number of rays in one buffer, which takes 256 MiB.
 const RAYS_PER_PART: usize = 1 << 23;
@@ -40,6 +40,10 @@ impl RayBuffer<'_> {
     /// Whether there are no rays.
     pub fn is_empty(&self) -> bool {
         self.parts.is_empty()
+    }
+
+    fn most_in_part(&self) -> u64 {
+        self.parts.iter().map(|p| p.count).max().unwrap_or(0)
     }
 }
 
@@ -114,8 +118,8 @@ pub struct Traced {
 pub struct VulkanTracer<'p, 'd> {
     pipelines: &'p Pipelines<'d>,
     tlas: Tlas<'d>,
-    /// Kept alive because the TLAS refers to them.
-    _blases: Blases<'d>,
+    /// The TLAS refers to them.
+    blases: Blases<'d>,
     alpha: AlphaTests<'d>,
     identity: Identity,
     report: BuildReport,
@@ -129,11 +133,21 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
     /// # Errors
     /// Returns [`Error::Limit`] before anything is built, [`Error::OutOfMemory`], or another driver error.
     pub fn new(pipelines: &'p Pipelines<'d>, scene: &Scene, options: BuildOptions) -> Result<Self, Error> {
+        let plan = Plan::new(scene, options.blas_per, &pipelines.device.info().limits)?;
+        VulkanTracer::of_plan(pipelines, scene, &plan, options)
+    }
+
+    /// Like [`VulkanTracer::new`], of a plan.
+    pub(super) fn of_plan(
+        pipelines: &'p Pipelines<'d>,
+        scene: &Scene,
+        plan: &Plan,
+        options: BuildOptions,
+    ) -> Result<Self, Error> {
         let device = pipelines.device;
-        let plan = Plan::new(scene, options.blas_per, &device.info().limits)?;
-        let blases = Blases::build(device, scene, &plan, &options)?;
-        let tlas = Tlas::build(device, scene, &plan, &blases, &options)?;
-        let alpha = AlphaTests::new(device, &pipelines.textures, scene, &plan)?;
+        let blases = Blases::build(device, scene, plan, &options)?;
+        let tlas = Tlas::build(device, scene, plan, &blases, &options)?;
+        let alpha = AlphaTests::new(device, &pipelines.textures, scene, plan)?;
         let report = BuildReport {
             blases: blases.len() as u64,
             tlas_instances: plan.entries.len() as u64,
@@ -144,8 +158,8 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
             blas_bytes_compacted: blases.bytes_compacted,
             tlas_bytes: tlas.bytes,
         };
-        let identity = Identity::new(scene, &plan);
-        Ok(VulkanTracer { pipelines, tlas, _blases: blases, alpha, identity, report, any_hits: Cell::new(0) })
+        let identity = Identity::new(scene, plan);
+        Ok(VulkanTracer { pipelines, tlas, blases, alpha, identity, report, any_hits: Cell::new(0) })
     }
 
     /// Returns the build report.
@@ -159,11 +173,16 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
     /// # Errors
     /// Fails if memory runs out or the driver fails.
     pub fn trace(&self, rays: &RayBuffer<'_>, any_hit: bool) -> Result<Traced, Error> {
+        self.trace_through(self.tlas.address(), rays, any_hit)
+    }
+
+    /// Like [`VulkanTracer::trace`], through another TLAS over the same entries.
+    pub(super) fn trace_through(&self, tlas: u64, rays: &RayBuffer<'_>, any_hit: bool) -> Result<Traced, Error> {
         let mut traced = Traced { hits: Vec::with_capacity(rays.len()), any_hit_invocations: 0 };
         let results = self.results(rays, size_of::<interface::Hit>() as u64)?;
         for part in &rays.parts {
             self.device().submit(&format!("tracing {} rays", part.count), |commands| {
-                self.record(commands, &self.pipelines.hits, part, &results, any_hit);
+                self.record(commands, &self.pipelines.hits, tlas, part, &results, any_hit);
             })?;
             download(self.device(), &results, part.count as usize, |hit: &interface::Hit| {
                 traced.any_hit_invocations += u64::from(hit.any_hits);
@@ -201,13 +220,35 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
 
     fn time_into(&self, results: &Buffer<'d>, rays: &RayBuffer<'_>, any_hit: bool) -> Result<f64, Error> {
         self.device().submit(&format!("timing {} rays", rays.len()), |commands| {
-            self.pipelines.timer.measure(commands, || {
-                for part in &rays.parts {
-                    self.record(commands, &self.pipelines.timing, part, results, any_hit);
-                }
-            });
+            let timer = &self.pipelines.timer;
+            timer.measure(commands, || self.record_timing(commands, self.tlas.address(), rays, results, any_hit));
         })?;
         self.pipelines.timer.milliseconds()
+    }
+
+    /// Records tracing all rays for their time.
+    pub(super) fn record_timing(
+        &self,
+        commands: vk::CommandBuffer,
+        tlas: u64,
+        rays: &RayBuffer<'_>,
+        results: &Buffer<'d>,
+        any_hit: bool,
+    ) {
+        for part in &rays.parts {
+            self.record(commands, &self.pipelines.timing, tlas, part, results, any_hit);
+        }
+    }
+
+    /// Allocates results that rays of any kind can be timed into.
+    pub(super) fn results_of(&self, rays: &PerKind<RayBuffer<'_>>) -> Result<Buffer<'d>, Error> {
+        let most = rays.values().max_by_key(|rays| rays.most_in_part());
+        self.results(most.unwrap_or_else(|| unreachable!("there are kinds of rays")), size_of::<u32>() as u64)
+    }
+
+    /// Returns the BLASes.
+    pub(super) fn blases(&self) -> &Blases<'d> {
+        &self.blases
     }
 
     /// Returns the device of the tracer.
@@ -218,7 +259,7 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
     /// Allocates results for one part at a time.
     fn results(&self, rays: &RayBuffer<'_>, element: u64) -> Result<Buffer<'d>, Error> {
         assert!(std::ptr::eq(self.device(), rays.device), "rays and structures are on the same device");
-        let most = rays.parts.iter().map(|p| p.count).max().unwrap_or(0);
+        let most = rays.most_in_part();
         Buffer::new(self.device(), &format!("the results of {most} rays"), most * element, Purpose::ShaderData)
     }
 
@@ -226,13 +267,14 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         &self,
         commands: vk::CommandBuffer,
         pipeline: &Pipeline<'d>,
+        tlas: u64,
         part: &Part<'_>,
         results: &Buffer<'d>,
         any_hit: bool,
     ) {
         let flags = if any_hit { TERMINATE_ON_FIRST_HIT } else { 0 };
         let work = interface::Work {
-            scene: self.tlas.address(),
+            scene: tlas,
             rays: part.rays.address,
             results: results.address,
             first: 0,

@@ -305,7 +305,10 @@ mod tests {
     fn ranges(needs: &[(u64, u64, u64)]) -> Vec<(Range<usize>, u64)> {
         let needs: Vec<Needs> = needs
             .iter()
-            .map(|&(structure, scratch, input)| Needs { sizes: Sizes { structure, scratch }, input })
+            .map(|&(structure, scratch, input)| Needs {
+                sizes: Sizes { structure, scratch, ..Sizes::default() },
+                input,
+            })
             .collect();
         batches(&needs, TIGHT, 8).into_iter().map(|b| (b.groups, b.scratch)).collect()
     }

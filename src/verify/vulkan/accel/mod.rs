@@ -2,6 +2,7 @@
 
 mod blas;
 mod inputs;
+mod moving;
 mod plan;
 mod scale;
 mod structure;
@@ -10,6 +11,7 @@ mod tlas;
 use ash::vk;
 
 pub(super) use blas::Blases;
+pub(super) use moving::{Matrices, MovingTlas};
 pub(super) use plan::Plan;
 pub(super) use tlas::Tlas;
 

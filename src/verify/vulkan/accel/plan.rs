@@ -60,6 +60,16 @@ impl Group {
 impl Plan {
     /// Plans BLASes and entries, and checks them against the limits.
     pub(in crate::verify::vulkan) fn new(scene: &Scene, per: BlasPer, limits: &Limits) -> Result<Plan, Error> {
+        Plan::of(scene, per, limits, can_be_entered)
+    }
+
+    /// Like [`Plan::new`], with entries for all instances that have triangles: what no ray can enter now may be entered
+    /// once it has moved.
+    pub(in crate::verify::vulkan) fn moving(scene: &Scene, per: BlasPer, limits: &Limits) -> Result<Plan, Error> {
+        Plan::of(scene, per, limits, |_| true)
+    }
+
+    fn of(scene: &Scene, per: BlasPer, limits: &Limits, is_entered: impl Fn(&DAffine3) -> bool) -> Result<Plan, Error> {
         let mut plan =
             Plan { scales: Scales::of(scene), groups: Vec::new(), entries: Vec::new(), skipped_instances: 0 };
         let mut groups_of_mesh = Vec::with_capacity(scene.meshes.len());
@@ -71,7 +81,7 @@ impl Plan {
         for (index, instance) in scene.instances.iter().enumerate() {
             let mesh = instance.mesh.0 as usize;
             let groups = &groups_of_mesh[mesh];
-            if groups.is_empty() || !can_be_entered(&plan.scales.transform(&instance.transform, mesh)) {
+            if groups.is_empty() || !is_entered(&plan.scales.transform(&instance.transform, mesh)) {
                 plan.skipped_instances += 1;
                 continue;
             }
@@ -134,7 +144,7 @@ fn split(mesh: &Mesh, per: BlasPer) -> Vec<Range<usize>> {
 }
 
 /// Whether rays can enter the instance on a device, which inverts the transform in single precision.
-fn can_be_entered(transform: &DAffine3) -> bool {
+pub(super) fn can_be_entered(transform: &DAffine3) -> bool {
     let stored = DAffine3::from_cols_array(&transform.to_cols_array().map(|x| f64::from(x as f32)));
     let invertible = |t: &DAffine3| {
         t.matrix3.determinant() != 0.0 && t.inverse().to_cols_array().iter().all(|x| (*x as f32).is_finite())

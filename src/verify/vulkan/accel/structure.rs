@@ -24,6 +24,8 @@ pub(super) struct Sizes {
     pub(super) structure: u64,
     /// Size of the scratch memory for its build.
     pub(super) scratch: u64,
+    /// Size of the scratch memory for updating it.
+    pub(super) update_scratch: u64,
 }
 
 impl<'d> Structure<'d> {
@@ -72,5 +74,9 @@ pub(super) fn sizes(
             &mut sizes,
         );
     }
-    Sizes { structure: sizes.acceleration_structure_size, scratch: sizes.build_scratch_size }
+    Sizes {
+        structure: sizes.acceleration_structure_size,
+        scratch: sizes.build_scratch_size,
+        update_scratch: sizes.update_scratch_size,
+    }
 }

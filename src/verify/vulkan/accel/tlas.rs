@@ -3,7 +3,7 @@
 use ash::vk;
 use glam::DAffine3;
 
-use super::plan::Plan;
+use super::plan::{Plan, can_be_entered};
 use super::structure::{ALIGNMENT, Structure, sizes};
 use super::{Blases, BuildOptions};
 use crate::scene::Scene;
@@ -13,7 +13,7 @@ use crate::verify::vulkan::device::Device;
 use crate::verify::vulkan::memory::{Buffer, Purpose};
 use crate::verify::vulkan::transfer::Uploader;
 
-const TOP: vk::AccelerationStructureTypeKHR = vk::AccelerationStructureTypeKHR::TOP_LEVEL;
+pub(super) const TOP: vk::AccelerationStructureTypeKHR = vk::AccelerationStructureTypeKHR::TOP_LEVEL;
 
 /// Number of instances written to the device at a time.
 const CHUNK: usize = 1 << 16;
@@ -30,7 +30,7 @@ pub(in crate::verify::vulkan) struct Tlas<'d> {
 /// Mirrors `VkAccelerationStructureInstanceKHR`.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-struct Record {
+pub(super) struct Record {
     /// World-from-mesh transform, row by row.
     transform: [[f32; 4]; 3],
     /// Custom index in the lower 24 bits, mask in the upper 8.
@@ -90,7 +90,7 @@ impl<'d> Tlas<'d> {
     }
 }
 
-fn describe(instances: u64) -> vk::AccelerationStructureGeometryKHR<'static> {
+pub(super) fn describe(instances: u64) -> vk::AccelerationStructureGeometryKHR<'static> {
     let data = vk::AccelerationStructureGeometryInstancesDataKHR::default()
         .data(vk::DeviceOrHostAddressConstKHR { device_address: instances });
     vk::AccelerationStructureGeometryKHR::default()
@@ -120,7 +120,7 @@ fn upload<'d>(device: &'d Device, scene: &Scene, plan: &Plan, blases: &Blases<'d
     Ok(buffer)
 }
 
-fn record(index: u32, transform: &DAffine3, blas: u64) -> Record {
+pub(super) fn record(index: u32, transform: &DAffine3, blas: u64) -> Record {
     let m = transform.matrix3.transpose();
     let rows = [m.x_axis, m.y_axis, m.z_axis].map(|r| r.as_vec3());
     let t = transform.translation.as_vec3();
@@ -130,6 +130,14 @@ fn record(index: u32, transform: &DAffine3, blas: u64) -> Record {
         table_offset_and_flags: 0,
         blas,
     }
+}
+
+/// Like [`record`], for an instance that may have moved to where no ray can enter it: the mask then hides it.
+pub(super) fn moving_record(index: u32, transform: &DAffine3, blas: u64) -> Record {
+    if can_be_entered(transform) {
+        return record(index, transform, blas);
+    }
+    Record { index_and_mask: index, transform: [[0.0; 4]; 3], ..record(index, transform, blas) }
 }
 
 #[cfg(test)]
@@ -148,5 +156,16 @@ mod tests {
         let rows = [[1.0, 4.0, 7.0, 10.0], [2.0, 5.0, 8.0, 11.0], [3.0, 6.0, 9.0, 12.0]];
         assert_eq!(record.transform, rows);
         assert_eq!((record.index_and_mask, record.blas), (0xffab_cdef, 42));
+    }
+
+    #[test]
+    fn an_instance_that_cannot_be_entered_is_hidden() {
+        let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
+        let nowhere = DAffine3::from_translation(DVec3::new(f64::NAN, 0.0, 0.0));
+        for transform in [flat, nowhere] {
+            let hidden = moving_record(5, &transform, 42);
+            assert_eq!((hidden.index_and_mask, hidden.blas, hidden.transform), (5, 42, [[0.0; 4]; 3]));
+        }
+        assert_eq!(moving_record(5, &DAffine3::IDENTITY, 42).index_and_mask, 0xff00_0005);
     }
 }

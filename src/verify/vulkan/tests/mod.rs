@@ -6,6 +6,7 @@ mod budget;
 mod builds;
 mod hits;
 mod memory;
+mod moving;
 mod scenes;
 mod truth;
 mod verify;
