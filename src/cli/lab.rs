@@ -85,6 +85,10 @@ fn measure(config: &Path, output: &Output) -> Result<ExitCode> {
         let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
         done.notes.iter().chain(warnings).for_each(|note| print_note(note));
     }
+    done.faults.iter().for_each(|fault| print_error(format_args!("{fault}")));
+    if !done.faults.is_empty() {
+        return Ok(ExitCode::from(FAILED));
+    }
     if let Some(Err(why)) = done.fit {
         print_error(format_args!("{why}; what was measured is in {}", done.out.display()));
         return Ok(ExitCode::from(FAILED));

@@ -10,6 +10,7 @@ use toml::Spanned;
 
 use super::LabError;
 use super::error_vs_time::{self, Bake, ErrorVsTime};
+use super::motion::{self, Motion};
 use crate::choose::ChooseOptions;
 use crate::choose::model::Class;
 use crate::choose::plans::{Effort, Plan, plans};
@@ -35,6 +36,8 @@ pub(super) struct Config {
     pub(super) fit: Option<Class>,
     /// What to measure instead of prices.
     pub(super) error_vs_time: Option<ErrorVsTime>,
+    /// What to move and measure instead.
+    pub(super) motion: Option<Motion>,
 }
 
 #[derive(Deserialize)]
@@ -55,6 +58,7 @@ struct Keys {
     fit: Option<FitKeys>,
     #[serde(rename = "error-vs-time")]
     error_vs_time: Option<Spanned<error_vs_time::Keys>>,
+    motion: Option<Spanned<motion::Keys>>,
 }
 
 #[derive(Deserialize)]
@@ -75,19 +79,27 @@ impl Config {
         let keys: Keys = toml::from_str(&text).map_err(|e| source.error(e.span(), e.message()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let error_vs_time = error_vs_time(&source, &keys)?;
+        let motion = motion(&source, &keys, folder)?;
         let is_fit = error_vs_time.is_none();
         let config = Config {
             scenes: match &error_vs_time {
                 Some(made) if made.has_scenes() && keys.scenes.get_ref().is_empty() => Vec::new(),
                 _ => scenes(&source, &keys.scenes, folder)?,
             },
-            plans: if is_fit { chosen_plans(&source, &keys)? } else { Vec::new() },
+            plans: match &motion {
+                Some(_) if keys.methods.is_none() && keys.effort.is_none() => {
+                    [Method::Keep, Method::Single].map(of_method).into()
+                }
+                _ if is_fit => chosen_plans(&source, &keys)?,
+                _ => Vec::new(),
+            },
             verify: verify_options(&source, &keys)?,
             counted_rays: counted_rays(&source, &keys)?.unwrap_or(Effort::default().rays()),
             out: folder.join(&keys.out),
             skip_broken: keys.skip_broken,
             fit: keys.fit.as_ref().map(|fit| class(&source, &fit.class)).transpose()?,
             error_vs_time,
+            motion,
         };
         match keys.fit.map(|fit| (config.cannot_fit(), fit.class.span())) {
             Some((Some(why), span)) => Err(source.error(Some(span), format!("`fit`: {why}"))),
@@ -118,7 +130,12 @@ impl Source<'_> {
         LabError::Config { file: self.path.to_owned(), line, cause: cause.to_string() }
     }
 
-    fn within(&self, value: &Spanned<u32>, key: &str, allowed: RangeInclusive<u32>) -> Result<u32, LabError> {
+    pub(super) fn within(
+        &self,
+        value: &Spanned<u32>,
+        key: &str,
+        allowed: RangeInclusive<u32>,
+    ) -> Result<u32, LabError> {
         let (number, [least, most]) = (*value.get_ref(), [allowed.start(), allowed.end()]);
         match allowed.contains(&number) {
             true => Ok(number),
@@ -128,11 +145,11 @@ impl Source<'_> {
         }
     }
 
-    fn count(&self, value: &Option<Spanned<u32>>, key: &str, most: u32) -> Result<Option<u32>, LabError> {
+    pub(super) fn count(&self, value: &Option<Spanned<u32>>, key: &str, most: u32) -> Result<Option<u32>, LabError> {
         value.as_ref().map(|value| self.within(value, key, 1..=most)).transpose()
     }
 
-    fn ratio(&self, value: &Spanned<f64>, key: &str) -> Result<f64, LabError> {
+    pub(super) fn ratio(&self, value: &Spanned<f64>, key: &str) -> Result<f64, LabError> {
         match *value.get_ref() {
             ratio if ratio >= 0.0 => Ok(ratio),
             _ => Err(self.error(Some(value.span()), format!("`{key}` is a number of at least 0"))),
@@ -159,6 +176,16 @@ fn error_vs_time(source: &Source<'_>, keys: &Keys) -> Result<Option<ErrorVsTime>
     };
     let bake = Bake { choose, verify: verify_options(source, keys)? };
     ErrorVsTime::read(source, table.get_ref(), keys.methods.as_ref(), bake).map(Some)
+}
+
+/// The experiment `[motion]`.
+fn motion(source: &Source<'_>, keys: &Keys, folder: &Path) -> Result<Option<Motion>, LabError> {
+    let Some(table) = &keys.motion else { return Ok(None) };
+    if keys.fit.is_some() || keys.error_vs_time.is_some() {
+        return Err(source.error(Some(table.span()), "`motion` cannot be given with `fit` or `error-vs-time`"));
+    }
+    let common = (&verify_options(source, keys)?, counted_rays(source, keys)?);
+    Motion::read(source, table.get_ref(), folder, common).map(Some)
 }
 
 /// How layouts are timed.
@@ -223,6 +250,11 @@ fn files(entry: &str, folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     Ok(found.into_iter().map(name).collect())
 }
 
+/// The plan of a method with its default options.
+fn of_method(method: Method) -> Plan {
+    Plan { id: method.into(), method, options: Options::default() }
+}
+
 /// The layouts listed in `methods` or, without it, those of an effort, by default the largest.
 fn chosen_plans(source: &Source<'_>, keys: &Keys) -> Result<Vec<Plan>, LabError> {
     let most = u32::from(Effort::MOST);
@@ -236,7 +268,7 @@ fn chosen_plans(source: &Source<'_>, keys: &Keys) -> Result<Vec<Plan>, LabError>
         (None, None) => return Ok(of_effort(most)),
     };
     let all = of_effort(most);
-    let defaults = Method::ALL.map(|m| Plan { id: m.into(), method: m, options: Options::default() });
+    let defaults = Method::ALL.map(of_method);
     let known: Vec<&Plan> = all.iter().chain(&defaults).collect();
     let plan = |name: &Spanned<String>| {
         let found = known.iter().find(|plan| plan.id.to_string() == *name.get_ref());

@@ -6,17 +6,20 @@ mod error_vs_time;
 pub mod extreme;
 mod fit;
 mod matrix;
+mod motion;
 mod nnls;
 mod output;
 mod plot;
 mod quality;
 mod rows;
+mod tables;
 
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
 pub use error_vs_time::{ErrorRow, Value};
 pub use fit::{Fit, FitError, KindFit, Predicted, SCHEMA};
+pub use motion::{MotionRow, PolicySummary};
 pub use quality::Quality;
 pub use rows::{KindRow, Row};
 
@@ -62,12 +65,16 @@ impl LabError {
 }
 
 /// The result of an experiment.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Lab {
     /// A row for each layout of each scene.
     pub rows: Vec<Row>,
     /// A row for each tracer of each layout, of the experiment `error-vs-time`.
     pub error_rows: Vec<ErrorRow>,
+    /// What the frames of each policy come to, of the experiment `motion`.
+    pub policies: Vec<PolicySummary>,
+    /// Hits that rounding does not explain, of the experiment `motion`, in words.
+    pub faults: Vec<String>,
     /// The fitted prices, if requested.
     pub fit: Option<Result<Fit, FitError>>,
     /// The folder with the tables.
@@ -92,9 +99,10 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     let machine = Machine::open(&config.verify.device);
     let machine = machine.map_err(|e| LabError::Device(e.to_string().replace("--device", "`device`")))?;
     let notes: Vec<String> = machine.notes().iter().map(ToString::to_string).collect();
-    match config.error_vs_time {
-        Some(_) => measure_errors(config, &machine, notes, progress),
-        None => measure_layouts(config, &machine, notes, progress),
+    match (&config.error_vs_time, &config.motion) {
+        (Some(_), _) => measure_errors(config, &machine, notes, progress),
+        (_, Some(moving)) => measure_motion(&config, moving, &machine, notes, progress),
+        (None, None) => measure_layouts(config, &machine, notes, progress),
     }
 }
 
@@ -111,7 +119,28 @@ fn measure_errors(
     let done = error_vs_time::run(&experiment, &scenes, &out, machine, skip_broken, progress)?;
     notes.extend(done.notes);
     let text = format!("{} rows in {}\n", done.rows.len(), out.display());
-    Ok(Lab { rows: Vec::new(), error_rows: done.rows, fit: None, out, notes, warnings: done.warnings, text })
+    Ok(Lab { error_rows: done.rows, out, notes, warnings: done.warnings, text, ..Lab::default() })
+}
+
+/// Traces frames of scenes that move.
+fn measure_motion(
+    config: &Config,
+    moving: &motion::Motion,
+    machine: &Machine,
+    mut notes: Vec<String>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Lab, LabError> {
+    let common = motion::Common {
+        scenes: &config.scenes,
+        plans: &config.plans,
+        verify: &config.verify,
+        out: &config.out,
+        skip_broken: config.skip_broken,
+    };
+    let motion::Measured { summaries, notes: more, warnings, faults, text } =
+        motion::run(moving, &common, machine, progress)?;
+    notes.extend(more);
+    Ok(Lab { policies: summaries, faults, out: config.out.clone(), notes, warnings, text, ..Lab::default() })
 }
 
 /// Times layouts and, if requested, fits prices to them.
@@ -139,7 +168,7 @@ fn measure_layouts(
     let fitted = fit.as_ref().and_then(|fit| fit.as_ref().ok()).map(|fit| (fit, class));
     output::write(&config.out, &rows, fitted)?;
     let text = fitted.map_or_else(|| summary(&rows, machine), |(fit, class)| output::markdown(fit, class));
-    Ok(Lab { rows, error_rows: Vec::new(), fit, out: config.out, notes, warnings, text })
+    Ok(Lab { rows, fit, out: config.out, notes, warnings, text, ..Lab::default() })
 }
 
 /// Measures the layouts of a scene file; also returns what its reader repaired or omitted.

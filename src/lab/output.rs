@@ -9,6 +9,7 @@ use raykiln_formats::staging::{Folder, Hold};
 use super::LabError;
 use super::error_vs_time;
 use super::fit::Fit;
+use super::motion;
 use super::quality::Quality;
 use super::rows::{Row, to_csv, to_json_lines};
 use crate::choose::model::{Class, Prices};
@@ -25,7 +26,13 @@ pub(super) fn check(out: &Path) -> Result<(), LabError> {
     match () {
         () if out.exists() && !out.is_dir() => bad("is not a folder"),
         () if !parent.is_dir() => bad(&format!("there is no folder {}", parent.display())),
-        () if NAMES.iter().chain(&error_vs_time::NAMES).any(|name| out.join(name).is_dir()) => {
+        () if NAMES
+            .iter()
+            .chain(&error_vs_time::NAMES)
+            .chain(&motion::NAMES)
+            .chain(&motion::SUMMARIES)
+            .any(|name| out.join(name).is_dir()) =>
+        {
             bad("holds a folder where a table belongs")
         }
         () => Folder::new_in(parent).map(|_| ()).map_err(|e| LabError::file(parent, e)),

@@ -25,6 +25,8 @@ mod inspect;
 mod instancing;
 #[cfg(feature = "lab")]
 mod lab;
+#[cfg(feature = "lab")]
+mod motion;
 mod mutations;
 mod page;
 mod peers;

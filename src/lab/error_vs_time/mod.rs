@@ -19,6 +19,7 @@ pub(in crate::lab) use settings::Bake;
 pub use settings::Value;
 
 use super::LabError;
+use super::tables::Tables;
 use crate::commands::verify;
 use crate::layout::stored;
 use crate::scene::Scene;
@@ -29,7 +30,6 @@ use config::Tracer;
 use errors::{RayErrors, Truth};
 use made::{Made, make_all};
 use placed::Placement;
-use rows::Tables;
 use timing::Pace;
 
 /// Results of the experiment.
@@ -75,7 +75,11 @@ pub(super) fn run(
 ) -> Result<Measured, LabError> {
     let mut measured = Measured::default();
     let bench = Bench::new(experiment, machine, &mut measured.notes)?;
-    let mut output = Output { folder, tables: Tables::create(folder, &experiment.sweep.names())?, rows: Vec::new() };
+    let mut output = Output {
+        folder,
+        tables: Tables::create(folder, NAMES, &ErrorRow::of_settings(&experiment.sweep.names()).columns())?,
+        rows: Vec::new(),
+    };
     for generated in &experiment.generated {
         bench.placements(generated.name(), &generated.scene(), &mut output, progress)?;
     }
@@ -149,7 +153,7 @@ impl<'a> Bench<'a> {
             });
             for of in &traced[traced.len() - 1] {
                 let row = self.row(name, layout, of, best);
-                output.tables.append(&row).map_err(|e| LabError::file(output.folder, e))?;
+                output.tables.append(&row.columns(), &row).map_err(|e| LabError::file(output.folder, e))?;
                 output.rows.push(row);
             }
         }

@@ -1,14 +1,9 @@
 //! The table of an experiment, written row by row.
 
-use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{self, Write};
-use std::path::Path;
-
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 use super::settings::Value;
-use crate::lab::LabError;
 use crate::verify::MachineKind;
 
 /// The names of the tables.
@@ -64,8 +59,13 @@ pub struct ErrorRow {
 }
 
 impl ErrorRow {
+    /// Returns a row that holds nothing but the names of settings.
+    pub(super) fn of_settings(settings: &[&'static str]) -> ErrorRow {
+        ErrorRow { settings: settings.iter().map(|name| (*name, None)).collect(), ..ErrorRow::default() }
+    }
+
     /// Its fields as columns: names and values.
-    fn columns(&self) -> Vec<(&'static str, String)> {
+    pub(super) fn columns(&self) -> Vec<(&'static str, String)> {
         let mut columns = vec![
             ("scene", self.scene.clone()),
             ("placement", self.placement.to_owned()),
@@ -105,63 +105,25 @@ impl ErrorRow {
     }
 }
 
-/// The files of the table. Each row is in both files before the next one is measured.
-pub(super) struct Tables {
-    csv: File,
-    lines: File,
-}
-
-impl Tables {
-    /// Creates the files, which replace those of an earlier run, and writes the header.
-    ///
-    /// # Errors
-    /// Fails if a file cannot be written.
-    pub(super) fn create(out: &Path, settings: &[&'static str]) -> Result<Tables, LabError> {
-        fs::create_dir_all(out).map_err(|e| LabError::file(out, e))?;
-        let [csv, lines] = NAMES.map(|name| {
-            let path = out.join(name);
-            File::create(&path).map_err(|e| LabError::file(&path, e))
-        });
-        let mut tables = Tables { csv: csv?, lines: lines? };
-        let none = ErrorRow { settings: settings.iter().map(|name| (*name, None)).collect(), ..ErrorRow::default() };
-        let header = record(none.columns().iter().map(|(name, _)| *name));
-        header.and_then(|header| tables.csv.write_all(&header)).map_err(|e| LabError::file(&out.join(NAMES[0]), e))?;
-        Ok(tables)
-    }
-
-    /// Appends a row to both files, each in one piece.
-    ///
-    /// # Errors
-    /// Fails if a file cannot be written.
-    pub(super) fn append(&mut self, row: &ErrorRow) -> io::Result<()> {
-        let columns = row.columns();
-        self.csv.write_all(&record(columns.iter().map(|(_, value)| value.as_str()))?)?;
-        self.lines.write_all(format!("{}\n", serde_json::to_string(row)?).as_bytes())
-    }
-}
-
-/// Returns a record of a CSV file.
-fn record<'a>(values: impl Iterator<Item = &'a str>) -> io::Result<Vec<u8>> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(values)?;
-    writer.into_inner().map_err(|e| e.into_error())
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
+    use crate::lab::tables::Tables;
 
     #[test]
     fn every_row_is_in_both_files_once_it_is_appended() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let mut tables = Tables::create(folder.path(), &["effort"]).expect("created");
+        let mut tables =
+            Tables::create(folder.path(), NAMES, &ErrorRow::of_settings(&["effort"]).columns()).expect("created");
         let read = || NAMES.map(|name| fs::read_to_string(folder.path().join(name)).expect("readable"));
         let header = read()[0].clone();
         assert!(header.starts_with("scene,placement,method,layout,effort,tracer,") && header.ends_with('\n'));
         for count in 1..=3 {
             let settings = [("effort", Some(Value::Whole(count)))].into();
             let row = ErrorRow { scene: "a \"b\", c.glb".into(), settings, ..ErrorRow::default() };
-            tables.append(&row).expect("appended");
+            tables.append(&row.columns(), &row).expect("appended");
             let [csv, lines] = read();
             let mut reader = csv::Reader::from_reader(csv.as_bytes());
             let records: Vec<csv::StringRecord> = reader.records().collect::<Result<_, _>>().expect("sound");
