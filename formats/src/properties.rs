@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use glam::DAffine2;
+use glam::{DAffine2, DQuat, DVec3};
 
 use crate::contents::Node;
 use crate::document::Attribute;
@@ -133,6 +133,17 @@ pub struct Hierarchy {
     pub default: usize,
 }
 
+/// Where a node stands in its parent, in the parts that animations change.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RestPose {
+    /// Translation.
+    pub translation: DVec3,
+    /// Rotation, of length one.
+    pub rotation: DQuat,
+    /// Scale.
+    pub scale: DVec3,
+}
+
 /// A scene of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneContent {
@@ -248,6 +259,14 @@ impl Document {
     /// See [`Document::contents`].
     pub fn hierarchy(&self) -> Result<Hierarchy, Error> {
         crate::gltf::properties::hierarchy(self)
+    }
+
+    /// Returns the rest poses of all nodes. A matrix is taken apart, which loses shear.
+    ///
+    /// # Errors
+    /// See [`Document::contents`].
+    pub fn rest_poses(&self) -> Result<Vec<RestPose>, Error> {
+        crate::gltf::properties::rest_poses(self)
     }
 
     /// Returns what a node says and refers to.

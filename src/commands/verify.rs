@@ -113,6 +113,11 @@ pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
     load(path).map(|loaded| (loaded.scene, loaded.warnings))
 }
 
+/// Like [`read`], with the document too.
+pub(crate) fn read_document(path: &Path) -> Result<(Document, Scene, Vec<String>), CommandError> {
+    load(path).map(|loaded| (loaded.doc, loaded.scene, loaded.warnings))
+}
+
 fn load(path: &Path) -> Result<Loaded, CommandError> {
     let doc = raykiln_formats::read(path)?;
     let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;

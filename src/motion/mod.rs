@@ -10,8 +10,10 @@ mod crowd;
 pub mod frames;
 mod moving_scene;
 mod orbit;
+mod rig;
 
 pub use animation::{Animation, BadAnimation};
 pub use crowd::{Crowd, Deviating, PlacedCopies};
 pub use moving_scene::MovingScene;
 pub use orbit::Orbit;
+pub use rig::{Playing, Rig};

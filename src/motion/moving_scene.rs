@@ -3,20 +3,23 @@
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::{Animation, PlacedCopies};
+use super::{Animation, PlacedCopies, Playing, Rig};
 use crate::parallel::CHEAP_ELEMENTS;
 use crate::scene::{Bounds, Instance, Known, MeshId, Scene};
 
-/// A scene at a time. The instances of the scene itself come first and stay; those of the copies follow, copy by copy.
+/// A scene at a time. The instances of the scene itself come first and stay, unless an animation of its own
+/// plays; those of the copies follow, copy by copy.
 #[derive(Clone, Debug)]
 pub struct MovingScene {
     scene: Scene,
-    /// Number of instances that stay.
+    /// Number of instances of the scene itself.
     still: usize,
     /// The model's instances, about its centre and in its size among the copies.
     model: Vec<DAffine3>,
     positions: Vec<DVec3>,
     animations: Vec<Animation>,
+    /// What moves of the scene itself.
+    playing: Option<Playing>,
     /// The meshes that deform.
     deforming: Vec<usize>,
 }
@@ -34,6 +37,7 @@ impl MovingScene {
             model: model.instances.iter().map(|instance| about_center * instance.transform).collect(),
             positions: copies.positions,
             animations: copies.animations,
+            playing: None,
             deforming: Vec::new(),
         };
         let first_mesh = moving.add_meshes(model);
@@ -70,9 +74,18 @@ impl MovingScene {
         first
     }
 
+    /// Lets an animation of the scene play too, which moves the instances that `place` returns, see [`Playing::new`]. The
+    /// time becomes 0.
+    pub fn play(&mut self, rig: Rig, place: impl Fn(u32) -> Option<u32>) {
+        let playing = Playing::new(rig, &mut self.scene, place);
+        self.deforming = playing.deforming();
+        self.playing = Some(playing);
+        self.advance(0.0);
+    }
+
     /// Moves everything to its place at a time in seconds.
     pub fn advance(&mut self, time: f64) {
-        let MovingScene { scene, still, model, positions, animations, .. } = self;
+        let MovingScene { scene, still, model, positions, animations, playing, .. } = self;
         let per_copy = model.len().max(1);
         scene.instances[*still..].par_chunks_mut(per_copy).enumerate().with_min_len(CHEAP_ELEMENTS).for_each(
             |(copy, instances)| {
@@ -83,6 +96,7 @@ impl MovingScene {
                 }
             },
         );
+        playing.iter().for_each(|playing| playing.advance(scene, time));
         scene.boxes = Known::default();
         scene.core = Known::default();
     }
@@ -97,9 +111,10 @@ impl MovingScene {
         &self.deforming
     }
 
-    /// Returns the number of instances that can move.
+    /// Returns the number of instances that can move or deform.
     pub fn moving_instances(&self) -> usize {
-        self.animations.len() * self.model.len()
+        let playing = self.playing.as_ref().map_or(0, |playing| playing.instances().count());
+        self.animations.len() * self.model.len() + playing
     }
 }
 

@@ -49,7 +49,7 @@ pub(crate) trait FrameTracer {
     /// Sets the rays to trace in the frames that follow.
     fn set_rays(&mut self, rays: &PerKind<Vec<Ray>>) -> Result<(), String>;
 
-    /// Brings the BLASes of meshes that deformed up to date, for all TLASes. Returns the milliseconds it took.
+    /// Brings the BLASes of the meshes that deform up to date, for all TLASes. Returns the milliseconds it took.
     fn deform(&mut self, scene: &Scene, deformed: &[usize], upkeep: Upkeep) -> Result<f64, String>;
 
     /// Brings a TLAS up to date with the scene and traces the rays through it, if `trace` says so.
@@ -67,6 +67,8 @@ pub(crate) trait FrameTracer {
 pub(crate) struct FramePlan {
     /// For each TLAS, whether it is ever refitted.
     pub(crate) refits: Vec<bool>,
+    /// The meshes that deform, in ascending order.
+    pub(crate) deforming: Vec<usize>,
     /// How a device builds structures. Whether they can be updated follows from the plan.
     pub(crate) build: BuildOptions,
 }

@@ -13,7 +13,8 @@ const CONFIG: &str = "scenes = ['overlapping.glb']\nmethods = ['single']\nout = 
 /// A folder with two samples.
 fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
-    for sample in samples().into_iter().filter(|s| ["overlapping", "scattered"].contains(&s.name.as_str())) {
+    for sample in samples().into_iter().filter(|s| ["overlapping", "scattered", "animated"].contains(&s.name.as_str()))
+    {
         fs::copy(&sample.scene, folder.path().join(format!("{}.glb", sample.name))).unwrap();
     }
     folder
@@ -116,6 +117,25 @@ fn a_device_traces_the_same_frames_within_constant_memory() {
 }
 
 #[test]
+fn the_animation_of_a_file_plays_in_each_layout() {
+    let folder = folder();
+    let config = "scenes = ['animated.glb']\nout = 'out'\ndevice = 'cpu'\nrays = 200\ncounted_rays = 200\nmethods = ['keep', \
+                  'single', 'cluster']\n[motion]\nframes = 9\nframes_per_second = 3\ncounted_every = 1\n\
+                  rebuild_every = [1, 'never']\n";
+    let ran = lab(folder.path(), config, &["--quiet"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let rows = rows(folder.path());
+    let layouts: std::collections::BTreeSet<&str> = rows.iter().filter_map(|row| row["layout"].as_str()).collect();
+    assert!(layouts.contains("keep") && rows.len() == layouts.len() * 9 * 2, "{layouts:?}, {} rows", rows.len());
+    let work = |row: &Value| row["kinds"]["random"]["steps"]["tlas_nodes"].as_f64();
+    for layout in layouts {
+        let of_layout: Vec<&Value> =
+            rows.iter().filter(|row| row["layout"] == layout && row["rebuild_every"] == "never").collect();
+        assert!(of_layout.iter().any(|row| work(row) != work(of_layout[0])), "{layout}: nothing moves");
+    }
+}
+
+#[test]
 fn bad_configurations_are_refused_with_their_line_and_leave_nothing() {
     let folder = folder();
     for (from, to, words) in [
@@ -129,12 +149,18 @@ fn bad_configurations_are_refused_with_their_line_and_leave_nothing() {
         ("frames = 5", "frames_per_second = 0", "lab.toml:11: `frames_per_second` is a number above 0"),
         ("frames = 5", "camera = { position = [1, 1, 1], interest = [1, 1, 1] }", "lab.toml:11: `camera`: "),
         ("scattered.glb", "missing.glb", "missing.glb"),
+        ("model = 'scattered.glb'\n", "", "lab.toml:8: `instances` of what? There is no `model`"),
+        ("frames = 5", "blas = 'other'", "lab.toml:11: `blas` is \"refit\" or \"rebuild\""),
         ("[motion]", "[fit]\nclass = 'no-rt-cores'\n[motion]", "`motion` cannot be given with"),
     ] {
         assert!(CONFIG.contains(from), "{from}");
         let ran = lab(folder.path(), &CONFIG.replace(from, to), &[]);
         assert_eq!((ran.status, ran.stdout.as_str()), (2, ""), "{to}");
         assert!(ran.stderr.contains(words), "{words}: {}", ran.stderr);
-        assert_eq!(folder_names(folder.path()), ["lab.toml", "overlapping.glb", "scattered.glb"], "{to}");
+        assert_eq!(
+            folder_names(folder.path()),
+            ["animated.glb", "lab.toml", "overlapping.glb", "scattered.glb"],
+            "{to}"
+        );
     }
 }

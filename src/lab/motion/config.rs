@@ -11,13 +11,14 @@ use crate::lab::config::Source;
 use crate::motion::frames::{FrameOptions, RebuildEvery};
 use crate::motion::{Crowd, Deviating, Orbit};
 use crate::verify::VerifyOptions;
+use crate::verify::frames::Upkeep;
 use crate::verify::rays::MOST_RAYS;
 
 /// What moves, and what is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::lab) struct Motion {
-    /// The file of the model.
-    pub(super) model: PathBuf,
+    /// The file of the model, if there are copies.
+    pub(super) model: Option<PathBuf>,
     /// Numbers of copies of the model.
     pub(super) instances: Vec<u32>,
     /// Share of the copies that are animated.
@@ -30,6 +31,8 @@ pub(in crate::lab) struct Motion {
     distance_ratio: Deviating,
     /// Turns per second.
     turns: Deviating,
+    /// Which animation of the scene's file plays.
+    pub(super) animation: usize,
     /// Whether the instances are also measured without the scene.
     pub(super) alone: bool,
     pub(super) frames: FrameOptions,
@@ -38,7 +41,7 @@ pub(in crate::lab) struct Motion {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::lab) struct Keys {
-    model: Spanned<String>,
+    model: Option<String>,
     instances: Option<Spanned<Vec<Spanned<u32>>>>,
     animated_ratio: Option<Spanned<f64>>,
     size_ratio: Option<Spanned<f64>>,
@@ -48,12 +51,14 @@ pub(in crate::lab) struct Keys {
     distance_deviation_ratio: Option<Spanned<f64>>,
     turns: Option<Spanned<f64>>,
     turns_deviation: Option<Spanned<f64>>,
+    animation: Option<usize>,
     #[serde(default)]
     alone: bool,
     rebuild_every: Option<Spanned<Vec<Spanned<Every>>>>,
     frames: Option<Spanned<u32>>,
     frames_per_second: Option<Spanned<f64>>,
     counted_every: Option<Spanned<u32>>,
+    blas: Option<Spanned<String>>,
     camera_frequency: Option<f64>,
     camera: Option<Spanned<CameraKeys>>,
 }
@@ -98,8 +103,9 @@ impl Motion {
             Ok::<_, LabError>(Deviating { base, deviation: ratio(values[1], names[1], defaults[1])? })
         };
         Ok(Motion {
-            model: folder.join(keys.model.get_ref()),
-            instances: instances(source, &keys.instances)?,
+            model: keys.model.as_ref().map(|model| folder.join(model)),
+            instances: instances(source, keys)?,
+            animation: keys.animation.unwrap_or(0),
             animated_ratio: ratio(&keys.animated_ratio, "animated_ratio", 1.0)?.min(1.0),
             size_ratio: ratio(&keys.size_ratio, "size_ratio", 0.02)?,
             speed_ratio: deviating(
@@ -137,8 +143,14 @@ fn finite(source: &Source<'_>, value: &Spanned<f64>, key: &str, number: f64) -> 
     if number.is_finite() { Ok(number) } else { Err(error()) }
 }
 
-fn instances(source: &Source<'_>, list: &Option<Spanned<Vec<Spanned<u32>>>>) -> Result<Vec<u32>, LabError> {
-    let Some(list) = list else { return Ok(vec![1000]) };
+fn instances(source: &Source<'_>, keys: &Keys) -> Result<Vec<u32>, LabError> {
+    let list = match (&keys.instances, &keys.model) {
+        (None, model) => return Ok(vec![if model.is_some() { 1000 } else { 0 }]),
+        (Some(list), None) if list.get_ref().iter().any(|number| *number.get_ref() > 0) => {
+            return Err(source.error(Some(list.span()), "`instances` of what? There is no `model`"));
+        }
+        (Some(list), _) => list,
+    };
     if list.get_ref().is_empty() {
         return Err(source.error(Some(list.span()), "`instances` lists no number"));
     }
@@ -165,11 +177,16 @@ fn frame_options(
         rays: verify.timed_rays_per_kind.unwrap_or(verify.rays_per_kind).min(MOST_RAYS) as usize,
         counted_rays: counted_rays.unwrap_or(defaults.counted_rays),
         counted_every: count(&keys.counted_every, "counted_every", defaults.counted_every)?,
+        blas_upkeep: match &keys.blas {
+            None => defaults.blas_upkeep,
+            Some(word) if word.get_ref() == "refit" => Upkeep::Refit,
+            Some(word) if word.get_ref() == "rebuild" => Upkeep::Rebuild,
+            Some(word) => return Err(source.error(Some(word.span()), "`blas` is \"refit\" or \"rebuild\"")),
+        },
         camera: keys.camera.as_ref().map(|camera| orbit(source, camera, frequency)).transpose()?,
         camera_frequency: frequency,
         build: verify.build,
         seed: verify.seed,
-        ..defaults
     })
 }
 

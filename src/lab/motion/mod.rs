@@ -7,6 +7,8 @@ mod summary;
 
 use std::path::{Path, PathBuf};
 
+use raykiln_formats::Document;
+
 pub(in crate::lab) use config::{Keys, Motion};
 pub use rows::MotionRow;
 pub(in crate::lab) use rows::NAMES;
@@ -21,11 +23,11 @@ use crate::choose::plans::Plan;
 use crate::choose::{Evaluator, written};
 use crate::commands::verify;
 use crate::cost::mesh_trees::MeshTrees;
-use crate::layout::{order_by_tree, stored};
+use crate::layout::{Layout, Placement, order_by_tree, stored};
 use crate::methods::{self, Method, Options};
 use crate::motion::frames::{self, FramesError};
-use crate::motion::{MovingScene, PlacedCopies};
-use crate::scene::{Bounds, Scene};
+use crate::motion::{MovingScene, PlacedCopies, Rig};
+use crate::scene::{Bounds, InstanceId, Scene};
 use crate::verify::{Machine, VerifyOptions};
 
 /// Results of the experiment.
@@ -84,11 +86,9 @@ pub(super) fn run(
     machine: &Machine,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Measured, LabError> {
-    let (model, warnings) = verify::read(&motion.model).map_err(|e| LabError::Scene(e.to_string()))?;
-    if model.triangles_placed() == 0 {
-        return Err(LabError::Scene(format!("{}: there are no triangles to trace", motion.model.display())));
-    }
-    let bench = Bench { motion, machine, plans: common.plans, verify: common.verify, model: joined(&model) };
+    let model = motion.model.as_deref().map(read).transpose()?;
+    let (model, warnings) = model.map_or_else(Default::default, |(_, model, warnings)| (joined(&model), warnings));
+    let bench = Bench { motion, machine, plans: common.plans, verify: common.verify, model };
     let tables = Tables::create(common.out, NAMES, &MotionRow::default().columns())?;
     let mut output = Output { folder: common.out, tables, measured: Measured { warnings, ..Measured::default() } };
     for (name, path) in common.scenes {
@@ -101,6 +101,15 @@ pub(super) fn run(
     measured.text = summary::markdown(&measured.summaries, machine);
     summary::write(common.out, &measured.summaries, &measured.text)?;
     Ok(measured)
+}
+
+/// Reads a scene that holds triangles, with its document; also returns what its reader repaired or omitted.
+fn read(path: &Path) -> Result<(Document, Scene, Vec<String>), LabError> {
+    let read = verify::read_document(path).map_err(|e| LabError::Scene(e.to_string()))?;
+    match read.1.triangles_placed() {
+        0 => Err(LabError::Scene(format!("{}: there are no triangles to trace", path.display()))),
+        _ => Ok(read),
+    }
 }
 
 /// Returns a scene with all that may be joined in one mesh, as the copies of a crowd place it.
@@ -119,10 +128,8 @@ impl Bench<'_> {
         output: &mut Output,
         progress: &mut dyn FnMut(&str),
     ) -> Result<(), LabError> {
-        let (scene, warnings) = verify::read(path).map_err(|e| LabError::Scene(e.to_string()))?;
-        if scene.triangles_placed() == 0 {
-            return Err(LabError::Scene(format!("{}: there are no triangles to trace", path.display())));
-        }
+        let (doc, scene, warnings) = read(path)?;
+        let rig = Rig::read(&doc, &scene, self.motion.animation).map_err(|e| LabError::Scene(e.to_string()))?;
         output.measured.warnings.extend(warnings);
         let trees = MeshTrees::build(&scene);
         let evaluator = Evaluator {
@@ -135,11 +142,20 @@ impl Bench<'_> {
         };
         let laid = evaluator.lay_out(&scene, self.plans).layouts;
         let scene_of = written(&scene, laid.iter().map(|(_, laid)| laid).collect());
-        for (i, (plan, _)) in laid.iter().enumerate() {
-            self.layout((name, &plan.id.to_string()), &scene_of(i), &scene, output, progress)?;
+        for (i, (plan, laid)) in laid.iter().enumerate() {
+            let still = scene_of(i);
+            let layout = Still {
+                name,
+                layout: &plan.id.to_string(),
+                still: &still,
+                rig: rig.as_ref(),
+                laid: Some(&laid.layout),
+            };
+            self.layout(&layout, &scene, output, progress)?;
         }
         if self.motion.alone {
-            self.layout((name, INSTANCES_ONLY), &Scene::default(), &scene, output, progress)?;
+            let (layout, still) = (INSTANCES_ONLY, &Scene::default());
+            self.layout(&Still { name, layout, still, rig: None, laid: None }, &scene, output, progress)?;
         }
         Ok(())
     }
@@ -147,26 +163,30 @@ impl Bench<'_> {
     /// Measures a layout of a scene with each number of instances.
     fn layout(
         &self,
-        (name, layout): (&str, &str),
-        still: &Scene,
+        of: &Still<'_>,
         scene: &Scene,
         output: &mut Output,
         progress: &mut dyn FnMut(&str),
     ) -> Result<(), LabError> {
         let bounds = core_bounds(scene);
         for &instances in &self.motion.instances {
-            progress(&format!("{name}, {layout}, {instances} instances"));
+            progress(&format!("{}, {}, {instances} instances", of.name, of.layout));
             let copies = self.copies(instances, &bounds);
+            let size = self.motion.size_ratio * bounds.diagonal();
+            let animated = copies.animations.len() as u32;
+            let mut moving = MovingScene::new(of.still, &self.model, size, copies);
+            if let Some(rig) = of.rig {
+                moving.play(rig.clone(), |instance| of.placement(instance));
+            }
             let setup = Setup {
-                scene: name.to_owned(),
-                layout: layout.to_owned(),
+                scene: of.name.to_owned(),
+                layout: of.layout.to_owned(),
                 instances,
-                animated: copies.animations.len() as u32,
+                animated,
                 device: self.machine.name().0.to_owned(),
                 device_kind: self.machine.name().1,
             };
-            let size = self.motion.size_ratio * bounds.diagonal();
-            self.frames(setup, &mut MovingScene::new(still, &self.model, size, copies), output)?;
+            self.frames(setup, &mut moving, output)?;
         }
         Ok(())
     }
@@ -193,6 +213,27 @@ impl Bench<'_> {
     /// Places the copies of the model in the box of a scene.
     fn copies(&self, instances: u32, bounds: &Bounds) -> PlacedCopies {
         self.motion.crowd(instances, bounds.diagonal(), self.verify.seed).place(bounds)
+    }
+}
+
+/// A layout of a scene, before anything is added or moves.
+struct Still<'a> {
+    name: &'a str,
+    layout: &'a str,
+    still: &'a Scene,
+    /// What moves of it.
+    rig: Option<&'a Rig>,
+    /// What it is stored from.
+    laid: Option<&'a Layout>,
+}
+
+impl Still<'_> {
+    /// Returns the instance that places an instance of the scene as it is.
+    fn placement(&self, instance: u32) -> Option<u32> {
+        let laid = self.laid?;
+        let places =
+            |p: &Placement| p.instance == Some(InstanceId(instance)) && laid.groups[p.group as usize].content.is_kept();
+        laid.placements.iter().position(places).map(|i| i as u32)
     }
 }
 

@@ -7,6 +7,7 @@ use crate::motion::MovingScene;
 use crate::scene::Scene;
 use crate::verify::PerKind;
 use crate::verify::cpu::{Bottoms, CpuTracer, MovingTop};
+use crate::verify::frames::Upkeep;
 use crate::verify::rays::{Ray, RayKind};
 use crate::verify::work::Work;
 
@@ -30,11 +31,11 @@ impl<'a> Counter<'a> {
         self.tops.retain(|number, _| built.contains(number));
         for &number in &built {
             if !self.tops.contains_key(&number) {
-                moving.advance(self.options.time(number));
+                self.advance(moving, number);
                 self.tops.insert(number, MovingTop::build(&self.bottoms, moving.scene()));
             }
         }
-        moving.advance(self.options.time(frame));
+        self.advance(moving, frame);
         let mut by_age: BTreeMap<u32, PerKind<Work>> = BTreeMap::new();
         for (number, top) in &mut self.tops {
             top.refit(&self.bottoms, moving.scene());
@@ -45,6 +46,17 @@ impl<'a> Counter<'a> {
             None => work(&MovingTop::build(&self.bottoms, moving.scene()), rays),
         };
         built.iter().map(|number| Compared { aged: by_age[number], fresh }).collect()
+    }
+}
+
+impl Counter<'_> {
+    /// Moves everything to where it is in a frame, with the trees of what deforms.
+    fn advance(&mut self, moving: &mut MovingScene, frame: u32) {
+        moving.advance(self.options.time(frame));
+        match self.options.blas_upkeep {
+            Upkeep::Refit => self.bottoms.refit(moving.scene(), moving.deforming()),
+            Upkeep::Rebuild => self.bottoms.rebuild(moving.scene(), moving.deforming()),
+        }
     }
 }
 

@@ -154,7 +154,7 @@ pub fn run<E>(
 ) -> Result<Vec<LastHits>, FramesError<E>> {
     moving.advance(0.0);
     let maker = machine.frame_maker()?;
-    let mut run = Run::new(moving.scene(), &*maker, options)?;
+    let mut run = Run::new(moving, &*maker, options)?;
     if machine.name().1 == MachineKind::Gpu {
         run.warm_up(moving.scene())?;
     }
@@ -183,7 +183,8 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(scene: &Scene, maker: &'a dyn FrameMaker, options: &'a FrameOptions) -> Result<Run<'a>, String> {
+    fn new(moving: &MovingScene, maker: &'a dyn FrameMaker, options: &'a FrameOptions) -> Result<Run<'a>, String> {
+        let scene = moving.scene();
         let mut refits = vec![true, false];
         let tlas = |policy: &RebuildEvery| match policy {
             RebuildEvery::Frames(0 | 1) => FRESH,
@@ -193,7 +194,7 @@ impl<'a> Run<'a> {
             }
         };
         let tlas_of = options.policies.iter().map(tlas).collect();
-        let plan = FramePlan { refits, build: options.build };
+        let plan = FramePlan { refits, deforming: moving.deforming().to_vec(), build: options.build };
         let mut tracer = maker.frames(scene, &plan)?;
         tracer.frame(SCOUT, scene, Upkeep::Rebuild, false)?;
         let core = scene.core().bounds();

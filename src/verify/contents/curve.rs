@@ -24,7 +24,9 @@ pub(super) fn are_same(before: &Channel, after: &Channel, allowed: Allowed) -> b
     times.dedup();
     let middles: Vec<f64> = times.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
     let are_few = times.len() <= MOST_TIMES && !times.is_empty();
+    let is_spline = [before, after].iter().any(|channel| channel.interpolation == SPLINE);
     are_few
+        && !is_spline
         && times.into_iter().chain(middles).all(|time| match (value(before, time), value(after, time)) {
             (Some(b), Some(a)) => b.len() == a.len() && are_near(&before.path, &b, &a, allowed),
             _ => false,
@@ -44,18 +46,24 @@ fn are_near(path: &str, before: &[f64], after: &[f64], allowed: Allowed) -> bool
     }
 }
 
-/// Returns the value of a curve at a time; `None` if it is a spline or its keys are malformed.
-fn value(channel: &Channel, time: f64) -> Option<Vec<f64>> {
+/// Interpolation by cubic splines.
+const SPLINE: &str = "CUBICSPLINE";
+
+/// Returns the value of a curve at a time, which is that of the first or last key outside of its keys; `None` if its keys
+/// are malformed.
+pub(crate) fn value(channel: &Channel, time: f64) -> Option<Vec<f64>> {
     let (times, values) = (&channel.times, &channel.values);
     let size = values.len().checked_div(times.len()).filter(|size| *size > 0)?;
     let key = |i: usize| values.get(i * size..(i + 1) * size);
     let next = times.partition_point(|t| *t <= time);
     let (first, second) = (next.saturating_sub(1), next.min(times.len() - 1));
+    let share = (time - times[first]) / (times[second] - times[first]);
     match channel.interpolation.as_str() {
+        SPLINE if first == second => Some(key(first)?.get(size / 3..size / 3 * 2)?.to_vec()),
+        SPLINE => Some(splined([key(first)?, key(second)?], times[second] - times[first], share)),
         "STEP" => Some(key(first)?.to_vec()),
-        "LINEAR" if first == second => Some(key(first)?.to_vec()),
+        "LINEAR" if first == second || next == 0 => Some(key(first)?.to_vec()),
         "LINEAR" => {
-            let share = (time - times[first]) / (times[second] - times[first]);
             let (from, to) = (key(first)?, key(second)?);
             Some(if channel.path == "rotation" {
                 turned(from, to, share)
@@ -65,6 +73,18 @@ fn value(channel: &Channel, time: f64) -> Option<Vec<f64>> {
         }
         _ => None,
     }
+}
+
+/// Interpolates between two keys, each of which holds in-tangents, values and out-tangents (glTF 2.0, appendix C.5).
+fn splined([from, to]: [&[f64]; 2], duration: f64, t: f64) -> Vec<f64> {
+    let n = from.len() / 3;
+    let (t2, t3) = (t * t, t * t * t);
+    let weights =
+        [2.0 * t3 - 3.0 * t2 + 1.0, duration * (t3 - 2.0 * t2 + t), 3.0 * t2 - 2.0 * t3, duration * (t3 - t2)];
+    let one = |i: usize| {
+        weights[0] * from[n + i] + weights[1] * from[2 * n + i] + weights[2] * to[n + i] + weights[3] * to[i]
+    };
+    (0..n).map(one).collect()
 }
 
 fn mixed(from: &[f64], to: &[f64], shares: [f64; 2]) -> Vec<f64> {
@@ -110,6 +130,28 @@ mod tests {
         assert!(!are_same(&line, &step, ALLOWED));
         let empty = channel("translation", &[], &[]);
         assert!(!are_same(&line, &empty, ALLOWED) && !are_same(&empty, &empty, ALLOWED));
+    }
+
+    #[test]
+    fn splines_pass_their_keys_with_their_tangents() {
+        let mut spline = channel("translation", &[1.0, 3.0], &[9.0, 0.0, 2.0, 2.0, 4.0, 9.0]);
+        spline.interpolation = "CUBICSPLINE".into();
+        let at = |time| value(&spline, time).expect("sound")[0];
+        // With tangents of 2 at both ends, the curve is the line of slope 2.
+        assert_eq!([0.0, 1.0, 1.5, 2.0, 3.0, 4.0].map(at), [0.0, 0.0, 1.0, 2.0, 4.0, 4.0]);
+        assert!(!are_same(&spline, &spline, ALLOWED));
+        spline.values = [9.0, 0.0, 0.0, 0.0, 4.0, 9.0].into();
+        assert_eq!(value(&spline, 1.5), Some(vec![0.625]));
+    }
+
+    #[test]
+    fn outside_of_its_keys_a_curve_keeps_its_end() {
+        for interpolation in ["STEP", "LINEAR"] {
+            let mut curve = channel("scale", &[1.0, 2.0], &[5.0, 5.0, 5.0, 7.0, 7.0, 7.0]);
+            curve.interpolation = interpolation.into();
+            let at = |time| value(&curve, time).expect("sound")[0];
+            assert_eq!([0.0, 1.0, 2.0, 3.0].map(at), [5.0, 5.0, 7.0, 7.0], "{interpolation}");
+        }
     }
 
     #[test]

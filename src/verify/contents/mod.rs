@@ -8,7 +8,7 @@
 mod animations;
 mod attributes;
 mod comparison;
-mod curve;
+pub(crate) mod curve;
 mod difference;
 mod findings;
 mod images;

@@ -2,7 +2,7 @@
 //! TLAS and traces the rays, with timestamps in between. No frame allocates anything but rays and their results.
 
 use super::Error;
-use super::accel::{Matrices, MovingTlas, Plan};
+use super::accel::{Deforming, Matrices, MovingTlas, Plan};
 use super::commands::Timer;
 use super::trace::{Pipelines, RayBuffer, VulkanTracer};
 use crate::scene::Scene;
@@ -18,6 +18,8 @@ pub(in crate::verify) struct VulkanFrames<'p, 'd> {
     tlases: Vec<Level<'d>>,
     rays: Option<PerKind<RayBuffer<'d>>>,
     timer: Timer<'d>,
+    /// Declared after the tracer, whose BLASes it holds.
+    deforming: Deforming<'d>,
 }
 
 /// One of the TLASes.
@@ -42,14 +44,15 @@ impl<'p, 'd> VulkanFrames<'p, 'd> {
     ) -> Result<VulkanFrames<'p, 'd>, Error> {
         let device = pipelines.device();
         let plan = Plan::moving(scene, frames.build.blas_per, &device.info().limits)?;
-        let tracer = VulkanTracer::of_plan(pipelines, scene, &plan, frames.build)?;
+        let mut tracer = VulkanTracer::of_plan(pipelines, scene, &plan, frames.build)?;
+        let deforming = Deforming::new(device, scene, &plan, (&frames.build, &frames.deforming), tracer.blases_mut())?;
         let level = |refits: &bool| -> Result<Level<'d>, Error> {
             Ok(Level { tlas: MovingTlas::new(device, &plan, &frames.build, *refits)?, is_built: false })
         };
         let tlases = frames.refits.iter().map(level).collect::<Result<Vec<_>, _>>()?;
         let matrices = Matrices::new(device, &plan)?;
         let timer = Timer::of_intervals(device, BEFORE_TRACING + RayKind::ALL.len() as u32)?;
-        Ok(VulkanFrames { tracer, plan, matrices, tlases, rays: None, timer })
+        Ok(VulkanFrames { tracer, plan, matrices, tlases, rays: None, timer, deforming })
     }
 
     /// Uploads the rays of the frames that follow.
@@ -107,9 +110,8 @@ impl FrameTracer for VulkanFrames<'_, '_> {
         self.upload_rays(rays).map_err(in_words)
     }
 
-    fn deform(&mut self, _: &Scene, deformed: &[usize], _: Upkeep) -> Result<f64, String> {
-        assert!(deformed.is_empty(), "nothing deforms");
-        Ok(0.0)
+    fn deform(&mut self, scene: &Scene, _: &[usize], upkeep: Upkeep) -> Result<f64, String> {
+        self.deforming.update(scene, &self.plan, upkeep).map_err(in_words)
     }
 
     fn frame(&mut self, tlas: usize, scene: &Scene, upkeep: Upkeep, trace: bool) -> Result<FrameTimes, String> {

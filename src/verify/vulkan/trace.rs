@@ -246,6 +246,11 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         self.results(most.unwrap_or_else(|| unreachable!("there are kinds of rays")), size_of::<u32>() as u64)
     }
 
+    /// Returns the BLASes, to replace some. The TLAS of the tracer itself must not be traced then.
+    pub(super) fn blases_mut(&mut self) -> &mut Blases<'d> {
+        &mut self.blases
+    }
+
     /// Returns the BLASes.
     pub(super) fn blases(&self) -> &Blases<'d> {
         &self.blases

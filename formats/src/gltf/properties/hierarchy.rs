@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use glam::{DQuat, DVec3};
 use serde_json::Value;
 
 use super::super::contents::scenes;
@@ -10,8 +11,9 @@ use super::super::json::{At, unsigned};
 use super::super::node::nodes;
 use super::follow::Numbers;
 use super::{element, extras, follow};
+use crate::contents::Node;
 use crate::extension_names::*;
-use crate::properties::{Hierarchy, MeshContent, NodeContent, Property, SceneContent, Skin};
+use crate::properties::{Hierarchy, MeshContent, NodeContent, Property, RestPose, SceneContent, Skin};
 use crate::{Document, Error};
 
 /// Extensions of the root whose contents are compared where objects refer to them.
@@ -27,6 +29,27 @@ pub(crate) fn hierarchy(doc: &Document) -> Result<Hierarchy, Error> {
         all.push(SceneContent { roots: shown, ..SceneContent::default() });
     }
     Ok(Hierarchy { nodes, scenes: all, default })
+}
+
+pub(crate) fn rest_poses(doc: &Document) -> Result<Vec<RestPose>, Error> {
+    let nodes = nodes(doc, &mut Vec::new())?;
+    let root = At::root(doc);
+    let pose = |(at, node): (At<'_>, Node)| {
+        let (scale, rotation, translation) = node.local.to_scale_rotation_translation();
+        if at.get("matrix").is_some() {
+            return Ok(RestPose { translation, rotation, scale });
+        }
+        // Taken apart again, a mirroring scale would not be the one that an animation of the rotation leaves as it is.
+        let vector = |key, default: DVec3| at.get(key).map_or(Ok(default), |at| at.numbers().map(DVec3::from_array));
+        let quaternion = at.get("rotation").map_or(Ok(DQuat::IDENTITY.to_array()), |at| at.numbers())?;
+        let largest = quaternion.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let rotation = match largest > 0.0 {
+            true => DQuat::from_array(quaternion.map(|x| x / largest)).normalize(),
+            false => DQuat::IDENTITY,
+        };
+        Ok(RestPose { translation, rotation, scale: vector("scale", DVec3::ONE)? })
+    };
+    root.list("nodes")?.zip(nodes).map(pose).collect()
 }
 
 fn scene(doc: &Document, at: &At<'_>) -> SceneContent {

@@ -9,7 +9,7 @@ mod strokes;
 use std::collections::BTreeMap;
 
 pub(crate) use animations::animations;
-pub(crate) use hierarchy::{hierarchy, mesh, node, primitive, root, skins};
+pub(crate) use hierarchy::{hierarchy, mesh, node, primitive, rest_poses, root, skins};
 pub(crate) use materials::material;
 pub(crate) use strokes::strokes;
 

@@ -16,7 +16,7 @@ use crate::verify::vulkan::commands::{Queries, Timer};
 use crate::verify::vulkan::device::Device;
 use crate::verify::vulkan::memory::{Buffer, Packing, Purpose};
 
-const BOTTOM: vk::AccelerationStructureTypeKHR = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
+pub(super) const BOTTOM: vk::AccelerationStructureTypeKHR = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
 
 /// Memory that one batch may use besides what stays; a BLAS that needs more gets a batch to itself.
 #[derive(Clone, Copy, Debug)]
@@ -109,6 +109,11 @@ impl<'d> Blases<'d> {
     /// Returns the device address of the BLAS of a group.
     pub(super) fn address(&self, group: usize) -> u64 {
         self.structures[group].address
+    }
+
+    /// Replaces the BLAS of a group; what holds the new one must outlive all BLASes.
+    pub(super) fn replace(&mut self, group: usize, structure: Structure<'d>) {
+        self.structures[group] = structure;
     }
 
     pub(in crate::verify::vulkan) fn len(&self) -> usize {

@@ -14,13 +14,13 @@ use crate::verify::vulkan::memory::{Buffer, Packing, Purpose};
 use crate::verify::vulkan::transfer::Uploader;
 
 /// Alignment of vertices and indices, in bytes.
-const ALIGNMENT: u64 = 16;
+pub(super) const ALIGNMENT: u64 = 16;
 
 /// Device addresses of a geometry's vertices and indices.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Addresses {
-    positions: u64,
-    triangles: u64,
+    pub(super) positions: u64,
+    pub(super) triangles: u64,
 }
 
 /// Vertices and indices on the device.
@@ -71,7 +71,7 @@ pub(super) fn input_bytes(geometry: &Geometry) -> u64 {
     aligned(size_of_val(&geometry.positions[..])) + aligned(size_of_val(&geometry.triangles[..]))
 }
 
-fn positions(geometry: &Geometry, scale: f64) -> Cow<'_, [u8]> {
+pub(super) fn positions(geometry: &Geometry, scale: f64) -> Cow<'_, [u8]> {
     if scale == 1.0 {
         return Cow::Borrowed(bytemuck::cast_slice(&geometry.positions));
     }
@@ -79,7 +79,7 @@ fn positions(geometry: &Geometry, scale: f64) -> Cow<'_, [u8]> {
     Cow::Owned(bytemuck::cast_slice(&scaled).to_vec())
 }
 
-fn triangles(geometry: &Geometry) -> Cow<'_, [u8]> {
+pub(super) fn triangles(geometry: &Geometry) -> Cow<'_, [u8]> {
     Cow::Borrowed(bytemuck::cast_slice(&geometry.triangles))
 }
 

@@ -1,6 +1,7 @@
 //! The acceleration structures of a scene: one BLAS per mesh group, shared by its instances, and a TLAS.
 
 mod blas;
+mod deforming;
 mod inputs;
 mod moving;
 mod plan;
@@ -11,6 +12,7 @@ mod tlas;
 use ash::vk;
 
 pub(super) use blas::Blases;
+pub(super) use deforming::Deforming;
 pub(super) use moving::{Matrices, MovingTlas};
 pub(super) use plan::Plan;
 pub(super) use tlas::Tlas;

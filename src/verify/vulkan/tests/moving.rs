@@ -27,7 +27,7 @@ fn some_rays() -> Vec<Ray> {
 }
 
 fn plan(refits: &[bool]) -> FramePlan {
-    FramePlan { refits: refits.to_vec(), build: BuildOptions::default() }
+    FramePlan { refits: refits.to_vec(), deforming: Vec::new(), build: BuildOptions::default() }
 }
 
 #[test]
@@ -105,5 +105,39 @@ fn the_first_frame_is_built_whatever_is_asked_for_and_nothing_may_move() {
         assert_eq!(frames.closest(0, &some_rays()[..5]).expect("traced"), vec![None; 5]);
         let times = frames.frame(0, &nothing, Upkeep::Refit, false).expect("refitted");
         assert_eq!(times.upkeep, Upkeep::Refit);
+    });
+}
+
+#[test]
+fn meshes_that_deform_are_hit_where_they_are_whether_refitted_or_rebuilt() {
+    on_device(|device| {
+        let pipelines = Pipelines::new(device).expect("made");
+        let bent = |by: f32| {
+            let mut bent = super::scenes::mixed();
+            for geometry in &mut bent.meshes[0].geometries {
+                geometry.positions = geometry.positions.iter().map(|p| *p + by * p.y * p.y * glam::Vec3::X).collect();
+            }
+            bent.meshes[0].extent = Default::default();
+            bent.boxes = Default::default();
+            bent
+        };
+        let rays = super::scenes::rays(1500, 3.0);
+        for per in [BlasPer::Mesh, BlasPer::Primitive] {
+            let build = BuildOptions { blas_per: per, ..BuildOptions::default() };
+            let plan = FramePlan { refits: vec![true], deforming: vec![0], build };
+            let mut frames = VulkanFrames::new(&pipelines, &bent(0.0), &plan).expect("built");
+            let mut memory = Vec::new();
+            for (frame, upkeep) in [(1, Upkeep::Refit), (2, Upkeep::Rebuild), (3, Upkeep::Refit), (0, Upkeep::Refit)] {
+                let scene = bent(0.7 * frame as f32);
+                assert!(frames.deform(&scene, &[0], upkeep).expect("deformed") > 0.0);
+                frames.frame(0, &scene, upkeep, false).expect("updated");
+                let trees = TwoLevel::build(&scene);
+                let hits = frames.closest(0, &rays).expect("traced");
+                let checked = check_hits::check(&scene, &Reference::new(&trees), &rays, &hits);
+                assert!(checked.wrong == 0 && checked.hits > 50, "{checked:?}");
+                memory.push(frames.bytes(0).device);
+            }
+            assert!(memory.iter().all(|bytes| *bytes == memory[0]), "{memory:?}");
+        }
     });
 }
