@@ -2,15 +2,13 @@
 
 use rayon::prelude::*;
 
+use super::draws::{Draws, Purpose};
 use super::{Camera, RenderError, RenderOptions, View};
-use crate::verify::random::Random;
 use crate::verify::rays::Ray;
 use crate::verify::view::View as Sight;
 
 /// Number of pixels per task: few enough to spread over threads, enough to amortise what a task prepares.
 const BATCH: usize = 128;
-/// Stream of the random numbers of pixels; apart from those of verifications.
-const STREAM: u64 = 64;
 
 /// A picture to be drawn.
 pub(super) struct Frame {
@@ -24,7 +22,7 @@ pub(super) struct Frame {
 /// A sample of a pixel: a ray, and random numbers of its own.
 pub(super) struct Sample {
     pub(super) ray: Ray,
-    pub(super) random: Random,
+    pub(super) draws: Draws,
 }
 
 impl Frame {
@@ -52,12 +50,12 @@ impl Frame {
         (0..self.pixels()).into_par_iter().with_min_len(BATCH).map_init(start, of).collect()
     }
 
-    /// Returns the samples of a pixel: its middle, or random points of it.
+    /// Returns the samples of a pixel: its middle, or random points spread over it.
     pub(super) fn samples_of(&self, pixel: usize) -> impl Iterator<Item = Sample> {
-        (0..self.samples as usize).map(move |i| {
-            let mut random = Random::at(self.seed, STREAM, pixel * self.samples as usize + i);
-            let within = if self.samples == 1 { [0.5; 2] } else { [random.unit(), random.unit()] };
-            Sample { ray: self.ray(pixel, within), random }
+        (0..self.samples).map(move |i| {
+            let draws = Draws::of(self.seed, pixel, i);
+            let within = if self.samples == 1 { [0.5; 2] } else { draws.pair(Purpose::Pixel) };
+            Sample { ray: self.ray(pixel, within), draws }
         })
     }
 

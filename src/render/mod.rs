@@ -31,6 +31,7 @@ mod camera;
 mod colour;
 mod costs;
 mod difference;
+mod draws;
 mod error;
 mod flat;
 mod frame;

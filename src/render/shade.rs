@@ -7,6 +7,7 @@
 use glam::{DVec3, Vec3};
 
 use super::colour::encoded;
+use super::draws::{Draws, Purpose};
 use super::frame::Frame;
 use super::look::{Look, Looks};
 use super::surface::Spot;
@@ -14,7 +15,6 @@ use super::{Picture, Renderer, Statistics};
 use crate::scene::{InstanceId, Scene};
 use crate::verify::Hit;
 use crate::verify::cpu::Probe;
-use crate::verify::random::Random;
 use crate::verify::rays::{Ray, off_surface};
 use crate::verify::view::Stage;
 
@@ -48,8 +48,8 @@ pub(super) fn picture(renderer: &Renderer, frame: &Frame) -> Picture {
         || tracer.probe(),
         |probe, pixel| {
             let (mut sum, mut hits) = (Vec3::ZERO, 0u32);
-            for mut sample in frame.samples_of(pixel) {
-                let (light, is_hit) = shader.light(probe, sample.ray, &mut sample.random);
+            for sample in frame.samples_of(pixel) {
+                let (light, is_hit) = shader.light(probe, sample.ray, sample.draws);
                 sum += light.min(Vec3::splat(4.0));
                 hits += u32::from(is_hit);
             }
@@ -79,13 +79,13 @@ impl<'r, 'a> Shader<'r, 'a> {
     }
 
     /// Returns the light that comes against a ray, and whether the ray hits anything.
-    fn light(&self, probe: &mut Probe, first: Ray, random: &mut Random) -> (Vec3, bool) {
+    fn light(&self, probe: &mut Probe, first: Ray, draws: Draws) -> (Vec3, bool) {
         let (mut ray, mut light, mut through) = (first, Vec3::ZERO, Vec3::ONE);
         for layer in 0..MOST_LAYERS {
             let Some((spot, look)) = self.meet(probe, &ray) else {
                 return (light + through * self.sky(ray.direction), layer > 0);
             };
-            light += through * look.alpha * self.leaving(probe, &ray, &spot, &look, random);
+            light += through * look.alpha * self.leaving(probe, &ray, &spot, &look, draws.at_layer(layer));
             through *= passing(&look, &ray);
             if through.max_element() < LEAST {
                 break;
@@ -119,26 +119,27 @@ impl<'r, 'a> Shader<'r, 'a> {
     }
 
     /// Returns the light that leaves a point against a ray.
-    fn leaving(&self, probe: &mut Probe, ray: &Ray, spot: &Spot, look: &Look, random: &mut Random) -> Vec3 {
+    fn leaving(&self, probe: &mut Probe, ray: &Ray, spot: &Spot, look: &Look, draws: Draws) -> Vec3 {
         if look.is_unlit {
             return look.base;
         }
         let mut light = look.emission;
         let diffuse = diffuse(look);
         if diffuse.max_element() > 0.0 {
-            let lit = self.lamp(probe, spot, look, random) + self.bounced(probe, spot, look, random);
-            light += diffuse * lit;
+            let lamp = self.lamp(probe, spot, look, draws.pair(Purpose::Lamp));
+            light += diffuse * (lamp + self.bounced(probe, spot, look, draws));
         }
         let mirrored = mirrored(look, ray);
         if mirrored.max_element() > LEAST {
-            light += mirrored * self.reflected(probe, ray, spot, look, random);
+            light += mirrored * self.reflected(probe, ray, spot, look, draws);
         }
         light
     }
 
-    /// Returns the light of the lamp on a point: from a random point of the lamp, as far as nothing is in between.
-    fn lamp(&self, probe: &mut Probe, spot: &Spot, look: &Look, random: &mut Random) -> Vec3 {
-        let way = self.stage.light([random.unit(), random.unit()]) - spot.point;
+    /// Returns the light of the lamp on a point: from a point of the lamp that two random numbers choose, as far as nothing
+    /// is in between.
+    fn lamp(&self, probe: &mut Probe, spot: &Spot, look: &Look, point: [f64; 2]) -> Vec3 {
+        let way = self.stage.light(point) - spot.point;
         let distance = way.length();
         let cosine = look.normal.as_dvec3().dot(way) / distance;
         if !(cosine > 0.0 && spot.normal.dot(way) > 0.0) {
@@ -166,29 +167,29 @@ impl<'r, 'a> Shader<'r, 'a> {
     }
 
     /// Returns the light that a random direction brings to a point, cosine-distributed about its normal.
-    fn bounced(&self, probe: &mut Probe, spot: &Spot, look: &Look, random: &mut Random) -> Vec3 {
+    fn bounced(&self, probe: &mut Probe, spot: &Spot, look: &Look, draws: Draws) -> Vec3 {
         let normal = look.normal.as_dvec3();
-        let direction = (normal + random.direction()).try_normalize().unwrap_or(normal);
-        self.brought(probe, spot, direction, random)
+        let direction = (normal + draws.direction(Purpose::Bounce)).try_normalize().unwrap_or(normal);
+        self.brought(probe, spot, direction, draws.pair(Purpose::BounceLamp))
     }
 
     /// Returns the light that the mirrored direction brings to a point, blurred by the roughness.
-    fn reflected(&self, probe: &mut Probe, ray: &Ray, spot: &Spot, look: &Look, random: &mut Random) -> Vec3 {
+    fn reflected(&self, probe: &mut Probe, ray: &Ray, spot: &Spot, look: &Look, draws: Draws) -> Vec3 {
         let mirror = ray.direction.as_dvec3().reflect(look.normal.as_dvec3());
         let blur = f64::from(look.roughness * look.roughness);
-        let direction = (mirror + blur * random.direction()).try_normalize().unwrap_or(mirror);
-        self.brought(probe, spot, direction, random)
+        let direction = (mirror + blur * draws.direction(Purpose::Mirror)).try_normalize().unwrap_or(mirror);
+        self.brought(probe, spot, direction, draws.pair(Purpose::MirrorLamp))
     }
 
-    /// Returns the light that comes to a point from a direction; what is there is lit by the lamp and evenly.
-    fn brought(&self, probe: &mut Probe, spot: &Spot, direction: DVec3, random: &mut Random) -> Vec3 {
+    /// Returns the light that comes to a point from a direction; what is there is lit by a point of the lamp and evenly.
+    fn brought(&self, probe: &mut Probe, spot: &Spot, direction: DVec3, lamp: [f64; 2]) -> Vec3 {
         // A direction below the surface is mirrored to above it.
         let above = direction - 2.0 * direction.dot(spot.normal).min(0.0) * spot.normal;
         let ray = Ray::endless(off_surface(spot.point, spot.normal, self.stage.radius), above);
         match self.meet(probe, &ray) {
             None => self.sky(ray.direction),
             Some((_, look)) if look.is_unlit => look.base,
-            Some((there, look)) => look.emission + look.base * (self.lamp(probe, &there, &look, random) + AMBIENT),
+            Some((there, look)) => look.emission + look.base * (self.lamp(probe, &there, &look, lamp) + AMBIENT),
         }
     }
 

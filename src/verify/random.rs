@@ -23,7 +23,7 @@ impl Random {
     }
 
     /// Returns 64 random bits.
-    pub(super) fn bits(&mut self) -> u64 {
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(STEP);
         mixed(self.0)
     }
@@ -40,10 +40,7 @@ impl Random {
 
     /// Returns a uniformly distributed direction.
     pub(crate) fn direction(&mut self) -> DVec3 {
-        let z = 1.0 - 2.0 * self.unit();
-        let (sin, cos) = (std::f64::consts::TAU * self.unit()).sin_cos();
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        DVec3::new(r * cos, r * sin, z)
+        direction([self.unit(), self.unit()])
     }
 
     /// Returns a uniformly distributed point of the unit disc.
@@ -52,6 +49,14 @@ impl Random {
         let (sin, cos) = (std::f64::consts::TAU * self.unit()).sin_cos();
         DVec2::new(r * cos, r * sin)
     }
+}
+
+/// Returns the direction of two numbers in [0, 1): uniformly distributed if they are.
+pub(crate) fn direction([z, turn]: [f64; 2]) -> DVec3 {
+    let z = 1.0 - 2.0 * z;
+    let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    DVec3::new(r * cos, r * sin, z)
 }
 
 #[cfg(test)]
