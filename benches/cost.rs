@@ -69,7 +69,7 @@ fn sheets(meshes: u32, n: u32, instances: u32) -> (Scene, Layout) {
     let layout = Layout {
         groups: (0..meshes).map(group).collect(),
         placements: scene.instances.iter().enumerate().map(place).collect(),
-        notes: vec![],
+        ..Layout::default()
     };
     (scene, layout)
 }
