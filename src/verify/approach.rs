@@ -2,7 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
+use super::cpu::TrueHit;
 use super::rays::Ray;
+use crate::scene::Scene;
 
 const SIDES: [(usize, usize); 3] = [(0, 1), (1, 2), (2, 0)];
 
@@ -90,6 +92,13 @@ fn pass_edge([a, b]: [DVec2; 2], [depth_a, depth_b]: [f64; 2]) -> (f64, f64) {
     let along = -a.dot(edge) / edge.length_squared();
     let along = if along.is_nan() { 0.0 } else { along.clamp(0.0, 1.0) };
     ((a + along * edge).length(), depth_a + along * (depth_b - depth_a))
+}
+
+/// Returns the distance of a true hit, computed anew from its triangle, in lengths of the ray's direction; that of the
+/// hit if rounding takes the ray past it.
+pub(crate) fn exact_distance(scene: &Scene, ray: &Ray, hit: &TrueHit) -> f64 {
+    let approach = Approach::new(ray, &scene.world_corners(hit.at));
+    if approach.through { approach.distance / ray.direction.as_dvec3().length() } else { hit.t }
 }
 
 #[cfg(test)]

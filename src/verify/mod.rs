@@ -20,6 +20,7 @@ pub mod identity;
 mod materials;
 mod note;
 mod per_kind;
+pub mod precisions;
 #[cfg(feature = "lab")]
 pub(crate) mod probe;
 mod race;

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::layout::{Layout, shown};
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 use crate::verify::VerifyOptions;
-use crate::verify::approach::Approach;
+use crate::verify::approach::exact_distance;
 use crate::verify::compare::{FAR_RATIO, NEAR_RATIO};
 use crate::verify::cpu::{Reference, TrueHit, TwoLevel};
 use crate::verify::errors::{percentile_999, root_mean_square};
@@ -58,7 +58,7 @@ impl Truth {
         let rays = rays::generate(scene, &reference, &options.sampling(options.rays_per_kind as usize, None));
         let radius = rays.radius;
         let rays: Vec<Ray> = rays.kinds.values().flatten().copied().collect();
-        let exact = |(hit, ray): (Option<TrueHit>, &Ray)| hit.map(|hit| (hit.at, exact(scene, ray, &hit)));
+        let exact = |(hit, ray): (Option<TrueHit>, &Ray)| hit.map(|hit| (hit.at, exact_distance(scene, ray, &hit)));
         let hits = reference.closest(&rays).into_par_iter().zip(&rays).map(exact).collect();
         Truth { rays, hits, radius, aimed: Aimed::new(scene, None, displacement, options) }
     }
@@ -95,12 +95,6 @@ impl Truth {
             lost_per_million: (!self.aimed.rays.is_empty()).then(|| per_million(lost as f64, self.aimed.rays.len())),
         })
     }
-}
-
-/// Returns the distance to the exact triangle of a hit; that of the hit if rounding takes the ray past it.
-fn exact(scene: &Scene, ray: &Ray, hit: &TrueHit) -> f64 {
-    let approach = Approach::new(ray, &scene.world_corners(hit.at));
-    if approach.through { approach.distance / ray.direction.as_dvec3().length() } else { hit.t }
 }
 
 /// The box and the largest error of each object.

@@ -169,7 +169,8 @@ impl Page {
         let has_after = command != "inspect";
         let of_scene = |shown: &Shown| {
             let overlaps = charts::overlaps(&shown.overlaps, has_after);
-            overlaps.into_iter().chain([charts::sizes(&shown.sizes, has_after)]).collect()
+            let sizes = charts::sizes(&shown.sizes, has_after);
+            overlaps.into_iter().chain([sizes]).chain(charts::precisions(&shown.precisions)).collect()
         };
         let name = input.path.file_stem().map_or_else(|| command.into(), |stem| stem.to_string_lossy());
         Page {

@@ -15,8 +15,12 @@ use crate::cost::overlap;
 use crate::report::OverlappingPair;
 use crate::scene::{Bounds, InstanceId, Scene};
 use crate::verify::Sides;
+use crate::verify::cpu::TwoLevel;
 use crate::verify::identity::Identity;
+use crate::verify::precisions::{self, OfPrecision};
 
+/// Seed of the rays that precisions are compared by.
+const SEED: u64 = 1;
 /// Number of overlapping pairs listed.
 const WORST_PAIRS: usize = 20;
 /// Maximum number of instances of a scene whose boxes are shown: the largest.
@@ -43,6 +47,8 @@ pub struct Shown {
     pub(super) overlaps: Sides<Vec<OverlappingPair>>,
     /// How many groups have how many triangles.
     pub(super) sizes: Sides<Vec<u64>>,
+    /// What precision costs in the output, or in the input if there is no output.
+    pub(super) precisions: Vec<OfPrecision>,
     /// Pictures of both; empty if none were drawn.
     pub(super) pictures: Vec<Pair>,
 }
@@ -124,6 +130,7 @@ impl Shown {
             links: Links::of(links),
             overlaps: both.map(worst_pairs),
             sizes: both.map(|scene| scene.meshes.iter().map(|m| m.triangle_count() as u64).collect()),
+            precisions: precisions::compare(both.after, &TwoLevel::build(both.after), SEED),
             pictures: Vec::new(),
         }
     }
