@@ -15,6 +15,7 @@ pub mod render;
 mod reported_options;
 mod size;
 mod speed;
+pub mod study;
 pub mod text;
 pub mod verdict;
 mod verification;

@@ -11,6 +11,7 @@ mod preview;
 mod rounds;
 mod rows;
 mod shown;
+mod study;
 mod svg;
 mod text;
 
@@ -24,6 +25,7 @@ pub use self::pictures::Drawn;
 use self::pictures::Pair;
 use self::rows::Section;
 pub use self::shown::Shown;
+pub use self::study::study;
 use self::text::{MOST_CHARACTERS, json_for_script, visible};
 use super::json::to_json;
 use super::words::{bytes, counted, grouped};
