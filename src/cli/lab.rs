@@ -7,16 +7,19 @@ use anyhow::{Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 
 use super::args::Output;
-use super::progress::Progress;
+use super::progress::{Counted, Progress};
 use super::{FAILED, print, print_error, print_for_people};
 use crate::lab;
 
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct LabArguments {
-    /// Configuration of the experiment
-    #[arg(value_name = "CONFIG.toml", required = true)]
+    /// Configuration of the experiment, or a list of actions in JSON or TOML
+    #[arg(value_name = "CONFIG", required = true)]
     config: Option<PathBuf>,
+    /// Keep rows of an earlier run of the actions instead of measuring them again
+    #[arg(long)]
+    resume: bool,
     #[command(subcommand)]
     command: Option<LabCommand>,
 }
@@ -38,6 +41,35 @@ enum LabCommand {
         #[arg(long)]
         large: bool,
     },
+    /// Repeat the experiments of the thesis "Scene optimization for RTX" (docs/thesis.md)
+    Thesis {
+        /// Folder with the scenes of the thesis, each in a folder of its own
+        #[arg(long, value_name = "DIR")]
+        scenes: PathBuf,
+        /// Folder for rows, figures and pages; it is created if it does not exist
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+        /// Trace few rays once; without scenes of the thesis, take the largest others
+        #[arg(long)]
+        quick: bool,
+        /// Seconds that each trial is timed for; the thesis has 10
+        #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = seconds)]
+        seconds: f64,
+        /// What traces: auto, cpu, an index or part of a name
+        #[arg(long, value_name = "DEVICE", default_value = "auto")]
+        device: String,
+        /// Keep rows of an earlier run that are in the folder already
+        #[arg(long)]
+        resume: bool,
+    },
+    /// Convert a scene file (.scn) or an environment file (.env) to TOML, or back
+    Convert {
+        /// File to convert: .scn, .env, or .toml
+        file: PathBuf,
+        /// File to write: .toml, .scn or .env
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+    },
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -52,6 +84,16 @@ pub(super) fn run(arguments: &LabArguments, output: &Output) -> Result<ExitCode>
         (Some(LabCommand::Generate { scenes: GeneratedScenes::Extreme, out, seed, large }), _) => {
             generate(out, *seed, *large, output)
         }
+        (Some(LabCommand::Thesis { scenes, out, quick, seconds, device, resume }), _) => {
+            let device = device.as_str().into();
+            let (scenes, out) = (scenes.clone(), out.clone());
+            let options =
+                lab::thesis::ThesisOptions { scenes, out, quick: *quick, seconds: *seconds, device, resume: *resume };
+            thesis(&options, output)
+        }
+        (Some(LabCommand::Convert { file, output: to }), _) => convert(file, to, output),
+        (None, Some(config)) if lab::lists_actions(config) => act(config, arguments.resume, output),
+        (None, Some(_)) if arguments.resume => bail!("--resume needs a list of actions"),
         (None, Some(config)) => measure(config, output),
         (None, None) => bail!("a configuration is needed"),
     }
@@ -65,6 +107,61 @@ fn generate(out: &Path, seed: u64, large: bool, output: &Output) -> Result<ExitC
     let written = written?;
     if !output.quiet {
         print_for_people(&format!("{written} scenes, listed in {}\n", out.join("cases.json").display()));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs the actions of a file, and states what was written.
+fn act(file: &Path, resume: bool, output: &Output) -> Result<ExitCode> {
+    let mut progress = Counted::new(output.quiet);
+    let done = lab::run_actions(file, resume, &mut |step| {
+        progress.enter(step);
+        if output.verbose > 0 {
+            print_note(&step.name);
+        }
+    });
+    progress.finish();
+    let done = done?;
+    if !output.quiet {
+        let (rows, figures) = (done.rows.len(), done.figures.len());
+        print(format!("{rows} runs and {figures} pictures in {}\n", done.out.display()).as_bytes())?;
+        let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
+        done.notes.iter().chain(warnings).for_each(|note| print_note(note));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Reads a number of seconds.
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse().ok().filter(|seconds| (1e-3..=3600.0).contains(seconds));
+    seconds.ok_or_else(|| "not a number of seconds from 0.001 to 3600".to_owned())
+}
+
+/// Repeats the thesis's experiments, and states where the page is.
+fn thesis(options: &lab::thesis::ThesisOptions, output: &Output) -> Result<ExitCode> {
+    let mut progress = Counted::new(output.quiet);
+    let done = lab::thesis::thesis(options, &mut |step| {
+        progress.enter(step);
+        if output.verbose > 0 {
+            print_note(&step.name);
+        }
+    });
+    progress.finish();
+    let done = done?;
+    if !output.quiet {
+        print(format!("{} rows; the page is {}\n", done.rows, done.page.display()).as_bytes())?;
+        let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
+        done.failures.iter().chain(warnings).for_each(|note| print_note(note));
+    }
+    Ok(if done.rows == 0 { ExitCode::from(FAILED) } else { ExitCode::SUCCESS })
+}
+
+/// Converts a file, and states what is lost.
+fn convert(file: &Path, to: &Path, output: &Output) -> Result<ExitCode> {
+    let lab::Converted { comments } = lab::convert(file, to)?;
+    if comments > 0 && !output.quiet {
+        let plural = if comments == 1 { "comment is" } else { "comments are" };
+        print_note(&format!("{comments} {plural} not carried over to {}", to.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

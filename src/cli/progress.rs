@@ -50,3 +50,28 @@ impl Progress {
         self.bar.finish_and_clear();
     }
 }
+
+/// Shows how many runs are done, and an estimate of the time left; only on a terminal.
+#[cfg(feature = "lab")]
+pub(super) struct Counted(ProgressBar);
+
+#[cfg(feature = "lab")]
+impl Counted {
+    pub(super) fn new(quiet: bool) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} {elapsed}, {eta} left");
+        Counted(bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
+    }
+
+    /// Shows the run that begins.
+    pub(super) fn enter(&mut self, step: &crate::lab::thesis::Step) {
+        self.0.set_length(step.of as u64);
+        self.0.set_position(step.done as u64);
+        self.0.set_message(step.name.clone());
+    }
+
+    /// Clears the line.
+    pub(super) fn finish(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

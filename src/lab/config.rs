@@ -123,11 +123,19 @@ pub(super) struct Source<'a> {
     text: &'a str,
 }
 
-impl Source<'_> {
-    pub(super) fn error(&self, span: Option<Range<usize>>, cause: impl Display) -> LabError {
+impl<'a> Source<'a> {
+    pub(super) fn new(path: &'a Path, text: &'a str) -> Source<'a> {
+        Source { path, text }
+    }
+
+    /// Returns the line at which a span begins, counted from 1.
+    pub(super) fn line(&self, span: Option<Range<usize>>) -> usize {
         let before = span.and_then(|s| self.text.get(..s.start));
-        let line = before.map_or(1, |text| text.matches('\n').count() + 1);
-        LabError::Config { file: self.path.to_owned(), line, cause: cause.to_string() }
+        before.map_or(1, |text| text.matches('\n').count() + 1)
+    }
+
+    pub(super) fn error(&self, span: Option<Range<usize>>, cause: impl Display) -> LabError {
+        LabError::Config { file: self.path.to_owned(), line: self.line(span), cause: cause.to_string() }
     }
 
     pub(super) fn within(

@@ -1,6 +1,8 @@
 //! Experiments: measure layouts of scenes, count what rays traverse in each, and fit prices to the measured times.
 //! `docs/lab.md` describes the configuration, the tables and the fit.
 
+mod actions;
+mod bench;
 mod config;
 mod error_vs_time;
 pub mod extreme;
@@ -13,15 +15,20 @@ mod plot;
 mod quality;
 mod rows;
 mod tables;
+pub mod thesis;
+mod thesis_files;
 
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
+pub use actions::{ActionsResult, lists_actions, run_actions};
+pub use bench::{KindRun, RunRow};
 pub use error_vs_time::{ErrorRow, Value};
 pub use fit::{Fit, FitError, KindFit, Predicted, SCHEMA};
 pub use motion::{MotionRow, PolicySummary};
 pub use quality::Quality;
 pub use rows::{KindRow, Row};
+pub use thesis_files::{Animation, Converted, convert};
 
 use crate::choose::model::Class;
 use crate::commands::verify;
@@ -56,6 +63,9 @@ pub enum LabError {
     /// The device cannot be used.
     #[error("{0}")]
     Device(String),
+    /// A scene cannot be read; says which and why.
+    #[error("{0}")]
+    Read(String),
 }
 
 impl LabError {

@@ -24,6 +24,18 @@ impl Camera {
     pub fn name(&self) -> &str {
         &self.sight.name
     }
+
+    /// Returns the camera that sees what a view does.
+    #[cfg(feature = "lab")]
+    pub(crate) fn of(sight: Sight) -> Camera {
+        Camera { sight }
+    }
+
+    /// Returns what it sees.
+    #[cfg(feature = "lab")]
+    pub(crate) fn view(&self) -> &Sight {
+        &self.sight
+    }
 }
 
 /// Which camera to take.

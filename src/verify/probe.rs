@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use super::build::Built;
 use super::cpu::{ComputingTracer, TrueHit};
 use super::{
     Machine, VerifyOptions,
@@ -24,9 +25,46 @@ pub(crate) trait Probe {
     fn occluded(&self, rays: &[Ray]) -> Result<Vec<bool>, String>;
     /// Returns the seconds to trace rays of a kind: shadow rays to the first hit found, others to the closest hit.
     fn seconds(&self, kind: RayKind, rays: &[Ray]) -> Result<f64, String>;
+    /// Returns the seconds of each of several passes over rays of a kind, after a first one that does not count: as many
+    /// passes as asked for, or as many as begin within the time.
+    fn passes(&self, kind: RayKind, rays: &[Ray], until: Until) -> Result<Vec<f64>, String> {
+        until.repeat(|| self.seconds(kind, rays))
+    }
+    /// Returns what was built; `None` if it says nothing about a device.
+    fn built(&self) -> Option<Built> {
+        None
+    }
     /// Returns the number of rays of each kind that times should be taken of.
     fn timed(&self, options: &VerifyOptions) -> u32 {
         options.timed_rays_per_kind.unwrap_or(options.rays_per_kind)
+    }
+}
+
+/// When to stop timing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Until {
+    /// After this number of passes; 0 counts as 1.
+    Passes(u32),
+    /// Once so many seconds have passed.
+    Seconds(f64),
+}
+
+impl Until {
+    /// Repeats a pass, which returns its own seconds.
+    fn repeat<E>(self, mut pass: impl FnMut() -> Result<f64, E>) -> Result<Vec<f64>, E> {
+        pass()?;
+        let (start, mut times) = (Instant::now(), Vec::new());
+        loop {
+            // A clock that did not advance counts as one nanosecond.
+            times.push(pass()?.max(1e-9));
+            let is_over = match self {
+                Until::Passes(count) => times.len() >= count as usize,
+                Until::Seconds(seconds) => start.elapsed().as_secs_f64() >= seconds,
+            };
+            if is_over {
+                return Ok(times);
+            }
+        }
     }
 }
 
@@ -81,6 +119,15 @@ impl Probe for VulkanTracer<'_, '_> {
 
     fn seconds(&self, kind: RayKind, rays: &[Ray]) -> Result<f64, String> {
         self.prepare(rays).and_then(|rays| Tracer::seconds(self, kind, &rays)).map_err(in_words)
+    }
+
+    fn passes(&self, kind: RayKind, rays: &[Ray], until: Until) -> Result<Vec<f64>, String> {
+        let prepared = self.prepare(rays).map_err(in_words)?;
+        until.repeat(|| Tracer::seconds(self, kind, &prepared)).map_err(in_words)
+    }
+
+    fn built(&self) -> Option<Built> {
+        Tracer::built(self)
     }
 
     fn timed(&self, options: &VerifyOptions) -> u32 {

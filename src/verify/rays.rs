@@ -1,5 +1,8 @@
 //! The rays of a verification: four kinds, from the input alone, the same for every tracer and number of threads.
 
+#[cfg(feature = "lab")]
+pub(crate) mod shot;
+
 use std::convert::Infallible;
 use std::ops::Range;
 
@@ -345,7 +348,12 @@ impl Maker<'_> {
     fn shadow(&self, index: usize, seen: &[Seen]) -> Ray {
         let mut random = self.random_at(stream::SHADOW, index);
         let light = self.stage.light([random.unit(), random.unit()]);
-        let Seen { point, normal } = seen[index % seen.len()];
+        self.toward(light, &seen[index % seen.len()])
+    }
+
+    /// Returns a ray from a point of a surface to a point of a light.
+    fn toward(&self, light: DVec3, seen: &Seen) -> Ray {
+        let Seen { point, normal } = *seen;
         // A surface whose visible side faces away from the light is lit from behind.
         let side = if normal.dot(light - point) < 0.0 { -normal } else { normal };
         let origin = self.off(point, side);

@@ -166,6 +166,13 @@ pub(crate) fn median(numbers: &[f64]) -> f64 {
     0.5 * (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2])
 }
 
+/// Returns the uncertainty of the median of seconds, over it; `None` for fewer than three.
+#[cfg(feature = "lab")]
+pub(crate) fn spread_of_median(seconds: &[f64]) -> Option<f64> {
+    let logs: Vec<f64> = seconds.iter().map(|seconds| seconds.ln()).collect();
+    Some(half_confidence_interval(&logs)).filter(|spread| spread.is_finite())
+}
+
 /// Returns the middle of paired ratios, which begin with either file in turns, and its uncertainty.
 fn location(ratios: &[f64]) -> (f64, f64) {
     let of_order = |first: usize| ratios.iter().copied().skip(first).step_by(2);

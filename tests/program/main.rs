@@ -37,5 +37,6 @@ mod roundtrip;
 mod samples;
 mod second_reader;
 mod store;
+mod thesis;
 mod validator;
 mod verify;

@@ -19,7 +19,7 @@ pub(in crate::lab) type Keys = BTreeMap<String, Spanned<toml::Value>>;
 
 /// What traces a layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Tracer {
+pub(in crate::lab) enum Tracer {
     /// The CPU, in some arithmetic.
     Cpu(Precision),
     /// The Vulkan device.
@@ -27,7 +27,7 @@ pub(super) enum Tracer {
 }
 
 impl Tracer {
-    pub(super) const ALL: [Tracer; 5] = [
+    pub(in crate::lab) const ALL: [Tracer; 5] = [
         Tracer::Cpu(Precision::F32Fast),
         Tracer::Cpu(Precision::F32Watertight),
         Tracer::Cpu(Precision::F32Recentred),
@@ -36,7 +36,7 @@ impl Tracer {
     ];
 
     /// Returns the name in configurations and tables.
-    pub(super) fn name(self) -> &'static str {
+    pub(in crate::lab) fn name(self) -> &'static str {
         match self {
             Tracer::Cpu(precision) => precision.name(),
             Tracer::Device => "device",

@@ -7,7 +7,7 @@ use super::rows::ErrorRow;
 use crate::choose::Choice;
 use crate::lab::LabError;
 use crate::lab::error_vs_time::config::Tracer;
-use crate::lab::plot::{Chart, Point};
+use crate::lab::plot::{Chart, Drawing, Point};
 use crate::methods::Method;
 
 /// Names of the axes.

@@ -12,11 +12,11 @@ mod timing;
 
 use std::path::{Path, PathBuf};
 
-pub(in crate::lab) use config::{ErrorVsTime, Keys};
+pub(in crate::lab) use config::{ErrorVsTime, Keys, Tracer};
 pub use rows::ErrorRow;
 pub(in crate::lab) use rows::NAMES;
-pub(in crate::lab) use settings::Bake;
 pub use settings::Value;
+pub(in crate::lab) use settings::{Bake, Setting};
 
 use super::LabError;
 use super::tables::Tables;
@@ -26,7 +26,6 @@ use crate::scene::Scene;
 use crate::verify::cpu::{ComputingTracer, Precision, Reference, TwoLevel};
 use crate::verify::probe::{Probe, Prober};
 use crate::verify::{Machine, MachineKind, rays};
-use config::Tracer;
 use errors::{RayErrors, Truth};
 use made::{Made, make_all};
 use placed::Placement;

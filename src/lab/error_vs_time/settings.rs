@@ -31,7 +31,7 @@ pub enum Value {
 
 impl Value {
     /// Returns a value of a configuration; `None` for tables, dates and numbers that are not finite.
-    pub(super) fn of(value: &toml::Value) -> Option<Value> {
+    pub(in crate::lab) fn of(value: &toml::Value) -> Option<Value> {
         match value {
             toml::Value::Integer(n) => match u64::try_from(*n) {
                 Ok(n) => Some(Value::Whole(n)),
@@ -41,6 +41,16 @@ impl Value {
             toml::Value::Boolean(flag) => Some(Value::Flag(*flag)),
             toml::Value::String(word) => Some(Value::Word(word.clone())),
             _ => None,
+        }
+    }
+
+    /// Returns the value as TOML.
+    pub(in crate::lab) fn to_toml(&self) -> toml::Value {
+        match self {
+            Value::Whole(n) => toml::Value::Integer(i64::try_from(*n).unwrap_or(i64::MAX)),
+            Value::Number(x) => toml::Value::Float(*x),
+            Value::Flag(flag) => toml::Value::Boolean(*flag),
+            Value::Word(word) => toml::Value::String(word.clone()),
         }
     }
 
@@ -67,7 +77,7 @@ impl Value {
         if let Value::Flag(flag) = self { Some(*flag) } else { None }
     }
 
-    fn word(&self) -> Option<&str> {
+    pub(in crate::lab) fn word(&self) -> Option<&str> {
         if let Value::Word(word) = self { Some(word) } else { None }
     }
 }
@@ -103,9 +113,9 @@ enum To {
 }
 
 /// An option that can be swept.
-pub(super) struct Setting {
+pub(in crate::lab) struct Setting {
     /// The name of the option of `bake`, with underscores.
-    pub(super) name: &'static str,
+    pub(in crate::lab) name: &'static str,
     /// Which values it takes, in words.
     expects: &'static str,
     to: To,
@@ -194,15 +204,20 @@ pub(super) const SETTINGS: [Setting; 20] = [
 
 impl Setting {
     /// Returns the setting of a name.
-    pub(super) fn named(name: &str) -> Option<&'static Setting> {
+    pub(in crate::lab) fn named(name: &str) -> Option<&'static Setting> {
         const { &SETTINGS }.iter().find(|setting| setting.name == name)
     }
 
     /// Returns why the option does not take a value, in words.
-    pub(super) fn refusal(&self, value: &Value) -> Option<String> {
+    pub(in crate::lab) fn refusal(&self, value: &Value) -> Option<String> {
         let mut any = Bake { choose: ChooseOptions::default(), verify: VerifyOptions::default() };
         let refused = (self.set)(&mut any, value).is_none();
         refused.then(|| format!("`{}` is {value}, not {}", self.name, self.expects))
+    }
+
+    /// Sets a value that the option takes; others change nothing.
+    pub(in crate::lab) fn apply(&self, bake: &mut Bake, value: &Value) {
+        (self.set)(bake, value);
     }
 
     fn applies(&self, choose: &ChooseOptions) -> bool {

@@ -53,7 +53,7 @@ impl Axis {
 pub(super) fn name(x: f64) -> String {
     // Rounded first, as the product of a factor and a power is not exact.
     let rounded: f64 = format!("{x:.1e}").parse().unwrap_or(x);
-    if (1e-2..1e5).contains(&rounded) { format!("{rounded}") } else { format!("{rounded:e}") }
+    if rounded == 0.0 || (1e-2..1e5).contains(&rounded) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 #[cfg(test)]

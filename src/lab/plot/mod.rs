@@ -1,8 +1,11 @@
-//! Log-log charts of points, as SVG and PNG, with a font of its own: Roboto (`src/render/roboto.ttf`, Apache License 2.0),
+//! Charts, as SVG and PNG: log-log charts of points, bars and lines. With a font of its own: Roboto (`src/render/roboto.ttf`, Apache License 2.0),
 //! reduced to the characters used.
 
 mod axis;
+mod bars;
 mod labels;
+mod linear;
+mod lines;
 
 use std::fs;
 use std::io::BufWriter;
@@ -15,7 +18,9 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontTransform, register_font};
 
 use self::axis::Axis;
+pub(super) use self::bars::{Bar, BarChart};
 use self::labels::{Area, Label, NEAR};
+pub(super) use self::lines::LineChart;
 use super::LabError;
 
 /// Width and height of a picture, in pixels.
@@ -83,17 +88,25 @@ pub(super) struct Chart {
 type Drawn<DB> = Result<(), DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>>;
 type Canvas<DB> = DrawingArea<DB, Shift>;
 
-impl Chart {
+/// Something that is drawn on any canvas.
+pub(super) trait Drawing {
+    /// Draws it.
+    ///
+    /// # Errors
+    /// Those of the canvas.
+    fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<DB>) -> Drawn<DB>;
+
     /// Writes `name.svg` and `name.png` to a folder.
     ///
     /// # Errors
     /// Fails if a file cannot be written.
-    pub(super) fn write(&self, folder: &Path, name: &str) -> Result<(), LabError> {
+    fn write(&self, folder: &Path, name: &str) -> Result<(), LabError> {
         let place = |end: &str| folder.join(format!("{name}.{end}"));
         fs::write(place("svg"), self.svg()).map_err(|e| LabError::file(&place("svg"), e))?;
         self.png(&place("png"))
     }
 
+    /// Returns it as SVG.
     fn svg(&self) -> String {
         load_font();
         let mut text = String::new();
@@ -103,6 +116,10 @@ impl Chart {
         text
     }
 
+    /// Writes it as PNG.
+    ///
+    /// # Errors
+    /// Fails if the file cannot be written.
     fn png(&self, path: &Path) -> Result<(), LabError> {
         load_font();
         let (width, height) = size();
@@ -117,7 +134,9 @@ impl Chart {
         let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&pixels));
         written.map_err(|e| LabError::file(path, e))
     }
+}
 
+impl Drawing for Chart {
     fn draw<DB: DrawingBackend>(&self, canvas: &Canvas<DB>) -> Drawn<DB> {
         canvas.fill(&WHITE)?;
         let [left, top, right, bottom] = FRAME;
@@ -141,7 +160,9 @@ impl Chart {
         }
         self.draw_legend(canvas)
     }
+}
 
+impl Chart {
     fn draw_axes<DB: DrawingBackend>(&self, canvas: &Canvas<DB>, x: &Axis, y: &Axis) -> Drawn<DB> {
         let [left, top, right, bottom] = FRAME;
         let grid = BLACK.mix(0.12);

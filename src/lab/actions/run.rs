@@ -1,0 +1,243 @@
+//! The action `run`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::ActionsResult;
+use super::config::{Action, Actions, Listed, RunKeys};
+use super::cooling::{Cooling, Limits, MAX_TEMPERATURE, TIMEOUT};
+use crate::lab::LabError;
+use crate::lab::bench::{Bench, RunTable, Session, Setup, Subject};
+use crate::lab::thesis_files::{SettingsFile, Sort};
+use crate::render::{Camera, RenderOptions, Renderer, View};
+use crate::verify::DeviceChoice;
+use crate::verify::probe::Until;
+
+/// Seconds that a run is timed for, as in the thesis.
+const SECONDS: f64 = 10.0;
+
+/// Largest number of passes.
+const MOST_PASSES: u32 = 1_000_000;
+
+/// What an action measures.
+#[derive(Default)]
+pub(super) struct Plan {
+    scenes: Vec<SettingsFile>,
+    environments: Vec<(SettingsFile, Vec<Setup>)>,
+    views: Vec<View>,
+}
+
+impl Plan {
+    /// Reads what an action names, before anything is measured.
+    ///
+    /// # Errors
+    /// Fails on the first thing that is wrong.
+    pub(super) fn of(action: &Listed, config: &Actions) -> Result<Plan, LabError> {
+        let Action::Run(keys) = &action.what else { return Ok(Plan::default()) };
+        let out_of_range = |name: &str, range: &str| config.error(action, format!("`{name}` is not {range}"));
+        match keys {
+            RunKeys { seconds: Some(_), passes: Some(_), .. } => {
+                return Err(config.error(action, "`seconds` and `passes` cannot both be given"));
+            }
+            RunKeys { seconds: Some(s), .. } if !(*s > 0.0 && *s <= 3600.0) => {
+                return Err(out_of_range("seconds", "a number above 0 and up to 3600"));
+            }
+            RunKeys { passes: Some(n), .. } if !(1..=MOST_PASSES).contains(n) => {
+                return Err(out_of_range("passes", "an integer from 1 to 1000000"));
+            }
+            RunKeys { max_temperature, cooling_timeout, .. } => {
+                for (name, value) in [("max_temperature", max_temperature), ("cooling_timeout", cooling_timeout)] {
+                    if value.is_some_and(|x| !(x >= 0.0 && x.is_finite())) {
+                        return Err(out_of_range(name, "a number of at least 0"));
+                    }
+                }
+            }
+        }
+        let environment = |file: SettingsFile| Setup::all_of(&file).map(|setups| (file, setups));
+        let scenes = config.named(Sort::Scene, action, &keys.scenes)?;
+        let environments = config.named(Sort::Environment, action, &keys.envs)?;
+        Ok(Plan {
+            scenes,
+            environments: environments.into_iter().map(environment).collect::<Result<_, _>>()?,
+            views: keys.pictures.iter().map(|name| view(name, action, config)).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Returns the number of runs.
+    pub(super) fn runs(&self) -> usize {
+        self.scenes.len() * self.environments.iter().map(|(_, setups)| setups.len()).sum::<usize>()
+    }
+
+    fn swept(&self) -> impl Iterator<Item = String> + '_ {
+        self.environments.iter().flat_map(|(file, _)| file.swept())
+    }
+}
+
+fn view(name: &str, action: &Listed, config: &Actions) -> Result<View, LabError> {
+    View::ALL.into_iter().find(|view| view.name() == name).ok_or_else(|| {
+        let names = View::ALL.map(|view| format!("`{}`", view.name())).join(", ");
+        config.error(action, format!("`pictures`: there is no view `{name}`; there are {names}"))
+    })
+}
+
+/// The tables of all runs, created when the first one begins.
+pub(super) struct Tables<'a> {
+    folder: &'a Path,
+    settings: Vec<String>,
+    resume: bool,
+    table: Option<RunTable>,
+}
+
+impl<'a> Tables<'a> {
+    pub(super) fn new(folder: &'a Path, plans: &[Plan], resume: bool) -> Tables<'a> {
+        let mut settings: Vec<String> = plans.iter().flat_map(Plan::swept).collect();
+        settings.sort();
+        settings.dedup();
+        Tables { folder, settings, resume, table: None }
+    }
+
+    fn get(&mut self) -> Result<&mut RunTable, LabError> {
+        if self.table.is_none() {
+            self.table = Some(RunTable::create(self.folder, &self.settings, self.resume)?);
+        }
+        Ok(self.table.as_mut().expect("it was just created"))
+    }
+}
+
+/// Runs all environments on all scenes. `tell` is told of each run before it begins.
+///
+/// # Errors
+/// Fails if a scene cannot be read, the device cannot be used or a file cannot be written.
+pub(super) fn run(
+    keys: &RunKeys,
+    plan: &Plan,
+    tables: &mut Tables,
+    result: &mut ActionsResult,
+    tell: &mut dyn FnMut(String),
+) -> Result<(), LabError> {
+    let mut runner = Runner::new(keys, plan)?;
+    for scene in &plan.scenes {
+        for (environment, setups) in &plan.environments {
+            let subject = Subject::of(scene, Some(environment))?;
+            result
+                .warnings
+                .extend(subject.warnings.iter().filter(|w| !result.warnings.contains(w)).cloned().collect::<Vec<_>>());
+            for (device, of_device) in by_device(setups) {
+                let bench = runner.bench(&device)?;
+                let mut session = Session::new(&runner.benches[bench].1, &subject).map_err(LabError::Read)?;
+                for setup in of_device {
+                    tell(format!("{} on {}", setup.name, subject.name));
+                    let row = match tables.get()?.known(&session.id(setup)).cloned() {
+                        Some(row) => row,
+                        None => {
+                            runner.cooling.iter_mut().for_each(Cooling::wait);
+                            let row = session.run(setup).map_err(LabError::Read)?;
+                            tables.get()?.append(&row)?;
+                            row
+                        }
+                    };
+                    draw(&session, setup, &plan.views, tables.folder, result)?;
+                    result
+                        .notes
+                        .extend(row.failure.iter().map(|why| format!("{} on {}: {why}", setup.name, subject.name)));
+                    result.rows.push(row);
+                }
+            }
+        }
+    }
+    result.notes.extend(runner.cooling.into_iter().flat_map(Cooling::into_notes));
+    Ok(())
+}
+
+/// Returns the setups of each device, in their order.
+fn by_device(setups: &[Setup]) -> Vec<(DeviceChoice, Vec<&Setup>)> {
+    let mut all: Vec<(DeviceChoice, Vec<&Setup>)> = Vec::new();
+    for setup in setups {
+        match all.iter_mut().find(|(device, _)| *device == setup.device) {
+            Some((_, of_device)) => of_device.push(setup),
+            None => all.push((setup.device.clone(), vec![setup])),
+        }
+    }
+    all
+}
+
+struct Runner {
+    device: DeviceChoice,
+    until: Until,
+    seed: u64,
+    benches: Vec<(DeviceChoice, Bench)>,
+    /// `None` if nothing is traced on a device.
+    cooling: Option<Cooling>,
+}
+
+impl Runner {
+    fn new(keys: &RunKeys, plan: &Plan) -> Result<Runner, LabError> {
+        let until = keys.passes.map_or(Until::Seconds(keys.seconds.unwrap_or(SECONDS)), Until::Passes);
+        let device = keys.device.as_deref().map_or(DeviceChoice::Auto, DeviceChoice::from);
+        let mut runner = Runner { device, until, seed: keys.seed.unwrap_or(1), benches: Vec::new(), cooling: None };
+        for setup in plan.environments.iter().flat_map(|(_, setups)| setups) {
+            runner.bench(&setup.device)?;
+        }
+        let limits = Limits {
+            temperature: keys.max_temperature.unwrap_or(MAX_TEMPERATURE),
+            timeout: keys.cooling_timeout.unwrap_or(TIMEOUT),
+        };
+        let has_device =
+            runner.benches.iter().any(|(_, bench)| bench.machine.name().1 == crate::verify::MachineKind::Gpu);
+        runner.cooling = has_device.then(|| Cooling::open(limits));
+        Ok(runner)
+    }
+
+    /// Returns the number of the bench of an environment's device, or else of the action's.
+    fn bench(&mut self, of_setup: &DeviceChoice) -> Result<usize, LabError> {
+        let device = if *of_setup == DeviceChoice::Auto { self.device.clone() } else { of_setup.clone() };
+        if let Some(at) = self.benches.iter().position(|(of, _)| *of == device) {
+            return Ok(at);
+        }
+        let bench = Bench::open(&device, self.until, self.seed)?;
+        self.benches.push((device, bench));
+        Ok(self.benches.len() - 1)
+    }
+}
+
+/// Draws the layout of a setup.
+fn draw(
+    session: &Session,
+    setup: &Setup,
+    views: &[View],
+    folder: &Path,
+    result: &mut ActionsResult,
+) -> Result<(), LabError> {
+    if views.is_empty() {
+        return Ok(());
+    }
+    let subject = session.subject;
+    let failed = |e: crate::render::RenderError| LabError::Read(format!("{}: {e}", subject.name));
+    let scene = subject.with_instances(session.lay_out(setup).stored);
+    let renderer = Renderer::new(&subject.doc, &scene).map_err(failed)?;
+    let camera = Camera::of(session.view().clone());
+    let options = RenderOptions {
+        size: setup.picture.size,
+        samples: Some(setup.picture.samples),
+        scale: setup.picture.heat_scale,
+        ..RenderOptions::default()
+    };
+    fs::create_dir_all(folder).map_err(|e| LabError::file(folder, e))?;
+    for &view in views {
+        let picture = renderer.picture(view, &camera, &options).map_err(failed)?;
+        let path = folder.join(picture_name(&subject.name, setup, view));
+        fs::write(&path, picture.png()).map_err(|e| LabError::file(&path, e))?;
+        result.figures.push(path);
+    }
+    Ok(())
+}
+
+/// Returns the name of a picture: of scene, environment, swept values and view.
+fn picture_name(scene: &str, setup: &Setup, view: View) -> PathBuf {
+    let swept = setup.swept.iter().map(|(name, value)| format!("{name}-{value}"));
+    let words: Vec<String> =
+        [scene.to_owned(), setup.name.clone()].into_iter().chain(swept).chain([view.name().to_owned()]).collect();
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '_' { c } else { '-' };
+    let name: String = words.join("-").chars().map(plain).collect();
+    PathBuf::from(name.trim_start_matches(['.', '-']).to_owned() + ".png")
+}

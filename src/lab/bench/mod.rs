@@ -1,0 +1,15 @@
+//! Runs one environment on one scene: makes the layout, builds it, and times the rays of a picture through it.
+
+mod measure;
+mod row;
+mod setup;
+mod subject;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub(super) use measure::{Bench, Session};
+pub use row::{KindRun, RunRow};
+pub(super) use setup::{PictureSetup, Setup};
+pub(super) use subject::Subject;
+pub(super) use table::{RunTable, read as read_rows};

@@ -1,0 +1,201 @@
+//! What the keys of a scene mean: the models, the camera, the light and the instances.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use glam::{DAffine3, DQuat, DVec3};
+use raykiln_formats::Document;
+
+use crate::lab::LabError;
+use crate::lab::thesis_files::{Animation, SettingsFile, Value};
+use crate::scene::{Instance, LoadOptions, MeshId, Opacity, Pinned, Scene, load};
+use crate::verify::rays::shot::Light;
+use crate::verify::view::View;
+
+/// Field of view across the shorter side of a picture, in radians.
+const FIELD: f64 = 60.0 * std::f64::consts::PI / 180.0;
+
+/// Places of a camera that moves.
+const CAMERA_PLACES: usize = 8;
+
+/// Seconds in which a camera that moves takes its places, as long as a timed run of the thesis.
+const CAMERA_SECONDS: f64 = 10.0;
+
+/// Diagonal of the box of an instance over that of the scene's model. The thesis only says that instances are scaled in
+/// proportion to the model.
+const INSTANCE_SIZE: f64 = 0.02;
+
+/// A scene to measure.
+pub(in crate::lab) struct Subject {
+    pub(in crate::lab) name: String,
+    /// The model's path as the scene names it.
+    pub(in crate::lab) model: String,
+    pub(in crate::lab) doc: Document,
+    /// The model, without instances.
+    pub(in crate::lab) scene: Scene,
+    /// The cameras that primary rays come from; empty for the automatic one.
+    pub(in crate::lab) views: Vec<View>,
+    pub(in crate::lab) light: Option<Light>,
+    /// Brightness of the light over the default.
+    pub(in crate::lab) light_power: Option<f64>,
+    pub(in crate::lab) instances: Option<Instances>,
+    /// What readers repaired or omitted.
+    pub(in crate::lab) warnings: Vec<String>,
+}
+
+/// Instances of another model.
+pub(in crate::lab) struct Instances {
+    /// Their model.
+    pub(in crate::lab) model: Scene,
+    /// Where they stand: the middle of their boxes, in scene units.
+    pub(in crate::lab) positions: Vec<[f64; 3]>,
+    /// How the first ones move.
+    pub(in crate::lab) animations: Vec<Animation>,
+}
+
+impl Subject {
+    /// Reads the scene that a scene file describes; `environment` may hold the lists of instances instead.
+    ///
+    /// # Errors
+    /// Fails if there is no model, if a file cannot be read or has no triangles, or if instances are missing.
+    pub(in crate::lab) fn of(file: &SettingsFile, environment: Option<&SettingsFile>) -> Result<Subject, LabError> {
+        let [Value::Text(model)] = file.values("MODEL_FILE_NAME") else {
+            return Err(file.error(file.line_of("MODEL_FILE_NAME"), "`MODEL_FILE_NAME` is missing"));
+        };
+        let mut subject = Subject::read(model, &file.beside(model))?;
+        if let [Value::Text(name)] = file.values("SCENE_NAME") {
+            subject.name.clone_from(name);
+        }
+        subject.instances = instances(file, environment, &mut subject.warnings)?;
+        subject.views = views(file, &subject.scene)?;
+        if let [Value::Vector(corner)] = file.values("LIGHT_ORIGIN") {
+            let size = if let [Value::Number(size)] = file.values("LIGHT_SIZE") { *size } else { 1.0 };
+            subject.light = Some(Light { corner: DVec3::from_array(*corner), size });
+        }
+        if let [Value::Number(power)] = file.values("LIGHT_POWER") {
+            subject.light_power = Some(*power);
+        }
+        Ok(subject)
+    }
+
+    /// Reads a model without more.
+    ///
+    /// # Errors
+    /// Fails if it cannot be read or has no triangles.
+    pub(in crate::lab) fn read(name: &str, path: &Path) -> Result<Subject, LabError> {
+        let (doc, scene, warnings) = read(path)?;
+        let stem = Path::new(name).file_stem().map_or_else(|| name.to_owned(), |s| s.to_string_lossy().into_owned());
+        Ok(Subject {
+            name: stem,
+            model: name.to_owned(),
+            doc,
+            scene,
+            views: Vec::new(),
+            light: None,
+            light_power: None,
+            instances: None,
+            warnings,
+        })
+    }
+
+    /// Returns a scene, which shows the model, with the instances added at their places.
+    pub(in crate::lab) fn with_instances(&self, scene: Scene) -> Scene {
+        match &self.instances {
+            Some(instances) => instances.added_to(scene, self.scene.bounds().diagonal()),
+            None => scene,
+        }
+    }
+}
+
+impl Instances {
+    fn added_to(&self, mut scene: Scene, diagonal: f64) -> Scene {
+        let bounds = self.model.bounds();
+        let scale = INSTANCE_SIZE * diagonal / bounds.diagonal();
+        let first = scene.meshes.len() as u32;
+        let shared = |scene: &Scene| (0..scene.meshes.len()).map(|i| scene.meshes.share(i)).collect::<Vec<_>>();
+        scene.meshes = shared(&scene).into_iter().chain(shared(&self.model)).collect();
+        for position in &self.positions {
+            let place = DAffine3::from_translation(DVec3::from_array(*position))
+                * DAffine3::from_scale(DVec3::splat(scale))
+                * DAffine3::from_translation(-bounds.center());
+            scene.instances.extend(self.model.instances.iter().map(|of| Instance {
+                mesh: MeshId(first + of.mesh.0),
+                transform: place * of.transform,
+                pinned: Some(Pinned::Animated),
+                ..of.clone()
+            }));
+        }
+        (scene.boxes, scene.core) = Default::default();
+        scene
+    }
+}
+
+fn read(path: &Path) -> Result<(Document, Scene, Vec<String>), LabError> {
+    let failed = |e: &dyn std::fmt::Display| LabError::file(path, e);
+    let doc = raykiln_formats::read(path).map_err(|e| LabError::Read(e.to_string()))?;
+    let (scene, warnings) = load(&doc, &LoadOptions::default()).map_err(|e| failed(&e))?;
+    if scene.triangles_placed() == 0 {
+        return Err(failed(&"there are no triangles to trace"));
+    }
+    let all = doc.warnings.iter().chain(&warnings).map(|warning| format!("{}: {warning}", path.display())).collect();
+    Ok((doc, scene, all))
+}
+
+/// Returns the instances: as many as the scene states, at the first places of the list.
+fn instances(
+    file: &SettingsFile,
+    environment: Option<&SettingsFile>,
+    warnings: &mut Vec<String>,
+) -> Result<Option<Instances>, LabError> {
+    let whole = |name, otherwise: usize| match file.values(name) {
+        [Value::Whole(n)] => *n as usize,
+        _ => otherwise,
+    };
+    let lists = [Some(file), environment].into_iter().flatten().find(|f| !f.positions.is_empty()).unwrap_or(file);
+    let count = whole("INSTANCE_COUNT", lists.positions.len());
+    let animated = whole("ANIM_INSTANCE_COUNT", lists.animations.len());
+    let [Value::Text(name)] = file.values("INSTANCE_FILE_NAME") else {
+        return match count {
+            0 => Ok(None),
+            _ => Err(file.error(file.line_of("INSTANCE_COUNT"), "`INSTANCE_FILE_NAME` is missing")),
+        };
+    };
+    for (key, what, count, listed) in [
+        ("INSTANCE_COUNT", "positions", count, lists.positions.len()),
+        ("ANIM_INSTANCE_COUNT", "animations", animated, lists.animations.len()),
+    ] {
+        if listed < count {
+            let cause = format!("`{key}` is {count}, but {listed} {what} are listed; the action `generate` makes them");
+            return Err(file.error(file.line_of(key), cause));
+        }
+    }
+    let (_, mut model, of_reader) = read(&file.beside(name))?;
+    warnings.extend(of_reader);
+    // The materials of the two files have numbers of their own.
+    for geometry in model.meshes.iter_mut().flat_map(|mesh| &mut mesh.geometries) {
+        (geometry.material, geometry.opacity, geometry.alpha) = (None, Opacity::Opaque, None);
+    }
+    let positions = lists.positions[..count].to_vec();
+    Ok(Some(Instances { model, positions, animations: lists.animations[..animated].to_vec() }))
+}
+
+/// Returns the places of the camera; none if the scene states none.
+fn views(file: &SettingsFile, scene: &Scene) -> Result<Vec<View>, LabError> {
+    let [Value::Vector(position)] = file.values("CAMERA_POSITION") else { return Ok(Vec::new()) };
+    let eye = DVec3::from_array(*position);
+    let target = match file.values("CAMERA_POI") {
+        [Value::Vector(poi)] => DVec3::from_array(*poi),
+        _ => scene.core().bounds().center(),
+    };
+    let speed = if let [Value::Number(speed)] = file.values("CAMERA_ROTATION_SPEED") { *speed } else { 0.0 };
+    let is_animated = matches!(file.values("ANIMATE_CAMERA"), [Value::Flag(true)]) && speed != 0.0;
+    let places = if is_animated { CAMERA_PLACES } else { 1 };
+    let view = |i: usize| {
+        let seconds = CAMERA_SECONDS * i as f64 / places as f64;
+        let turn = DQuat::from_rotation_y(TAU * speed * seconds);
+        View::toward(format!("camera, place {i}"), target + turn * (eye - target), target, FIELD)
+    };
+    let views: Option<Vec<View>> = (0..places).map(view).collect();
+    let cause = "the camera looks nowhere: `CAMERA_POSITION` and `CAMERA_POI` are the same point";
+    views.ok_or_else(|| file.error(file.line_of("CAMERA_POSITION"), cause))
+}

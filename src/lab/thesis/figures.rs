@@ -1,0 +1,139 @@
+//! Figures 5.1, 5.3, 5.4 and 5.7 to 5.12 as charts.
+
+use super::measured::{Measured, standing_for};
+use super::numbers::{CHOSEN, NODE_RATIOS, SAN_MIGUEL, SCENES, SKIP_THRESHOLDS, SOM_THRESHOLDS};
+use super::trials::Trial;
+use crate::lab::LabError;
+use crate::lab::plot::{Bar, BarChart, Drawing, LineChart};
+use crate::report::study::{Figure, Picture};
+use std::path::Path;
+
+/// The unit of all charts.
+const UNIT: &str = "million rays per second, all kinds";
+
+/// What the charts of the last experiment are numbered from.
+const FIRST_OF_SCENES: usize = 7;
+
+/// A setup of instances, of which the charts have a group each.
+const STATIC: &str = "static";
+
+/// Writes a chart to a folder and returns it as a figure.
+///
+/// # Errors
+/// Fails if a file cannot be written.
+fn figure(chart: &impl Drawing, folder: &Path, name: &str, caption: String) -> Result<Figure, LabError> {
+    chart.write(folder, name)?;
+    Ok(Figure { caption, file: format!("{name}.svg"), content: Picture::Svg(chart.svg()) })
+}
+
+/// Figure 5.1, and the same for all scenes.
+pub(super) fn bvh(measured: &[Measured], folder: &Path) -> Result<Vec<Figure>, LabError> {
+    let Some(scene) = standing_for(SAN_MIGUEL, measured) else { return Ok(Vec::new()) };
+    let trials = NODE_RATIOS.map(Trial::Bvh);
+    let name = &scene.found.name;
+    let one = bars(&[scene], &trials, format!("bvh on {name}, by the ratio of nodes to triangles"));
+    let all = bars(&measured.iter().collect::<Vec<_>>(), &trials, "bvh, by the ratio of nodes to triangles".into());
+    let caption = |what: &str| format!("Figure 5.1: speed of bvh {what}, by the ratio of nodes to triangles.");
+    Ok(vec![
+        figure(&one, folder, "figure-5-1", caption(&format!("on {name}")))?,
+        figure(&all, folder, "figure-5-1-all-scenes", caption("on all scenes"))?,
+    ])
+}
+
+/// Figure 5.3: the first three scenes of table 5.1 and the others.
+pub(super) fn skip(measured: &[Measured], folder: &Path) -> Result<Vec<Figure>, LabError> {
+    let trials = SKIP_THRESHOLDS.map(|skip| Trial::Overlap { skip, som: CHOSEN.2 });
+    let is_first = |scene: &&Measured| scene.found.of.is_none_or(|of| of < SCENES.len() / 2);
+    let (first, others): (Vec<&Measured>, Vec<&Measured>) = measured.iter().partition(is_first);
+    let mut figures = Vec::new();
+    for (scenes, part) in [(first, "top"), (others, "bottom")] {
+        if !scenes.is_empty() {
+            let mut chart = bars(&scenes, &trials, "overlap reduction, by skip threshold".into());
+            chart.heading = "skip threshold".into();
+            chart.series = SKIP_THRESHOLDS.map(|skip| skip.to_string()).to_vec();
+            let caption = format!("Figure 5.3, {part}: speed of the overlap reduction by skip threshold, SoM 0.5.");
+            figures.push(figure(&chart, folder, &format!("figure-5-3-{part}"), caption)?);
+        }
+    }
+    Ok(figures)
+}
+
+/// Figure 5.4, and the same for all scenes over the fastest of each.
+pub(super) fn som(measured: &[Measured], folder: &Path) -> Result<Vec<Figure>, LabError> {
+    let Some(scene) = standing_for(SAN_MIGUEL, measured) else { return Ok(Vec::new()) };
+    let trials = SOM_THRESHOLDS.map(|som| Trial::Overlap { skip: CHOSEN.1, som });
+    let speeds = |scene: &Measured| trials.map(|trial| scene.speed(trial).map(|speed| speed.0)).to_vec();
+    let over_best = |scene: &Measured| {
+        let speeds = speeds(scene);
+        let best = speeds.iter().flatten().copied().fold(0.0, f64::max);
+        speeds.into_iter().map(|speed| speed.map(|speed| speed / best)).collect::<Vec<_>>()
+    };
+    let one = LineChart {
+        title: format!("overlap reduction on {}, by SoM threshold", scene.found.name),
+        unit: UNIT.into(),
+        place_axis: "SoM threshold (pairs with a larger overlap ratio merge)".into(),
+        places: SOM_THRESHOLDS.map(|som| som.to_string()).to_vec(),
+        heading: "setup".into(),
+        series: vec![(STATIC.into(), speeds(scene))],
+        notes: devices([scene]),
+    };
+    let all = LineChart {
+        title: "overlap reduction, by SoM threshold".into(),
+        unit: "speed over that of the scene's best threshold".into(),
+        heading: "scene".into(),
+        series: measured.iter().map(|scene| (scene.found.name.clone(), over_best(scene))).collect(),
+        notes: devices(measured),
+        ..one.clone()
+    };
+    let caption =
+        |what: &str| format!("Figure 5.4: speed of the overlap reduction {what} by SoM threshold, skip 0.005.");
+    Ok(vec![
+        figure(&one, folder, "figure-5-4", caption(&format!("on {}", scene.found.name)))?,
+        figure(&all, folder, "figure-5-4-all-scenes", caption("on all scenes"))?,
+    ])
+}
+
+/// Figures 5.7 to 5.12: all methods on each scene.
+pub(super) fn methods(measured: &[Measured], folder: &Path) -> Result<Vec<Figure>, LabError> {
+    let mut figures = Vec::new();
+    for scene in measured {
+        let name = &scene.found.name;
+        let mut chart = bars(&[scene], &Trial::COMPARED, format!("all methods on {name}"));
+        (chart.groups, chart.group_axis) = (vec![STATIC.into()], "setup".into());
+        let (number, file) = match scene.found.of {
+            Some(of) => (format!("Figure 5.{}", FIRST_OF_SCENES + of), format!("figure-5-{}", FIRST_OF_SCENES + of)),
+            None => ("As figures 5.7 to 5.12".to_owned(), format!("figure-5-7-{}", plain(name))),
+        };
+        figures.push(figure(&chart, folder, &file, format!("{number}: speed of all methods on {name}."))?);
+    }
+    Ok(figures)
+}
+
+/// Returns a chart with a group for each scene and a bar for each trial.
+fn bars(scenes: &[&Measured], trials: &[Trial], title: String) -> BarChart {
+    let bar = |scene: &Measured, trial: Trial| scene.speed(trial).map(|(value, spread)| Bar { value, spread });
+    BarChart {
+        title,
+        unit: UNIT.into(),
+        group_axis: "scene".into(),
+        groups: scenes.iter().map(|scene| scene.found.name.clone()).collect(),
+        heading: "method".into(),
+        series: trials.iter().map(|trial| trial.name()).collect(),
+        bars: scenes.iter().map(|scene| trials.iter().map(|trial| bar(scene, *trial)).collect()).collect(),
+        notes: devices(scenes.iter().copied()),
+    }
+}
+
+/// Returns what traced, once each.
+fn devices<'m>(scenes: impl IntoIterator<Item = &'m Measured>) -> Vec<String> {
+    let rows = scenes.into_iter().flat_map(|scene| &scene.trials);
+    let mut devices: Vec<String> = rows.map(|(_, row)| row.device.clone()).filter(|name| !name.is_empty()).collect();
+    devices.sort();
+    devices.dedup();
+    devices
+}
+
+/// Returns a name for a file.
+pub(super) fn plain(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect()
+}

@@ -1,0 +1,175 @@
+//! The experiments of the thesis, repeated: T. Bilák, "Scene optimization for RTX", master's thesis, Czech Technical
+//! University in Prague, 2024, chapter 5. `docs/thesis.md` has the results.
+//!
+//! [`thesis`] finds the scenes of table 5.1, runs every trial on each, and writes rows, figures, and a page with the
+//! thesis's numbers beside those measured.
+
+mod claims;
+mod figures;
+mod measured;
+mod numbers;
+mod page;
+mod pictures;
+mod scenes;
+mod tables;
+mod trials;
+
+use std::path::PathBuf;
+
+use super::LabError;
+use super::bench::{Bench, PictureSetup, RunTable, Session, Setup, Subject};
+use crate::choose::plans::Effort;
+use crate::verify::DeviceChoice;
+use crate::verify::probe::Until;
+use measured::Measured;
+use scenes::Found;
+use trials::Trial;
+
+/// What to repeat.
+#[derive(Clone, Debug)]
+pub struct ThesisOptions {
+    /// The folder with the scenes, each in a folder of its own.
+    pub scenes: PathBuf,
+    /// The folder for rows, figures and pages; it is created if it does not exist.
+    pub out: PathBuf,
+    /// Whether to trace few rays, once, through small scenes if those of the thesis are not at hand.
+    pub quick: bool,
+    /// Seconds that each trial is timed for; above 0. Has no effect if `quick`.
+    pub seconds: f64,
+    /// What traces.
+    pub device: DeviceChoice,
+    /// Whether rows of an earlier run that are already in `out` are kept instead of measured again.
+    pub resume: bool,
+}
+
+/// What was repeated.
+#[derive(Clone, Debug, Default)]
+pub struct ThesisResult {
+    /// Number of rows.
+    pub rows: usize,
+    /// Scenes and figures that could not be made, with the causes.
+    pub failures: Vec<String>,
+    /// What the readers of the scenes repaired or omitted.
+    pub warnings: Vec<String>,
+    /// The page.
+    pub page: PathBuf,
+}
+
+/// How far an experiment is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// Runs that are done.
+    pub done: usize,
+    /// All runs.
+    pub of: usize,
+    /// The next one.
+    pub name: String,
+}
+
+/// Width and height of the picture whose rays are timed; of a quick run.
+const QUICK_SIZE: [u32; 2] = [32, 18];
+
+/// Seed of the rays.
+const SEED: u64 = 1;
+
+/// Runs all experiments. `progress` is told of each trial before it begins. A scene that fails is named, and the others
+/// are measured nevertheless.
+///
+/// # Errors
+/// Fails if no scene is found, the device cannot be used, or a file cannot be written. Rows measured until then are kept.
+pub fn thesis(options: &ThesisOptions, progress: &mut dyn FnMut(&Step)) -> Result<ThesisResult, LabError> {
+    let found = scenes::find(&options.scenes, options.quick)?;
+    let until = if options.quick { Until::Passes(1) } else { Until::Seconds(options.seconds) };
+    let bench = Bench::open(&options.device, until, SEED)?;
+    let table = RunTable::create(&options.out, &[], options.resume)?;
+    let mut study =
+        Experiments { options, bench: &bench, table, result: ThesisResult::default(), step: 0, steps: 0, progress };
+    study.steps = found.len() * Trial::all().len();
+    let mut measured = Vec::new();
+    let mut fragments = Vec::new();
+    let fragmented = pictures::chosen(&found);
+    for (i, scene) in found.iter().enumerate() {
+        study.step = i * Trial::all().len();
+        match study.scene(scene, i == fragmented) {
+            Ok((of_scene, pictures)) => {
+                measured.push(of_scene);
+                fragments.extend(pictures);
+            }
+            Err(Failure::Scene(why)) => study.result.failures.push(format!("{}: {why}", scene.name)),
+            Err(Failure::Output(why)) => return Err(why),
+        }
+    }
+    let mut result = study.result;
+    result.rows = measured.iter().map(|scene| scene.trials.len()).sum();
+    result.page = page::write(&measured, fragments, &result.failures, options)?;
+    Ok(result)
+}
+
+/// Why a scene is not measured.
+enum Failure {
+    /// It cannot be: the others can.
+    Scene(String),
+    /// Nothing can be written.
+    Output(LabError),
+}
+
+struct Experiments<'o, 'p> {
+    options: &'o ThesisOptions,
+    bench: &'o Bench,
+    table: RunTable,
+    result: ThesisResult,
+    step: usize,
+    steps: usize,
+    progress: &'p mut dyn FnMut(&Step),
+}
+
+/// The pictures of figure 5.2.
+type Fragments = Vec<crate::report::study::Figure>;
+
+impl Experiments<'_, '_> {
+    /// Runs all trials of a scene, and draws its layouts if asked for.
+    fn scene(&mut self, found: &Found, fragmented: bool) -> Result<(Measured, Fragments), Failure> {
+        let in_words = |e: LabError| Failure::Scene(e.to_string());
+        (self.progress)(&Step { done: self.step, of: self.steps, name: found.name.clone() });
+        let mut subject = Subject::read(&found.name, &found.file).map_err(in_words)?;
+        subject.name.clone_from(&found.name);
+        self.result.warnings.append(&mut subject.warnings);
+        let mut session = Session::new(self.bench, &subject).map_err(Failure::Scene)?;
+        let mut measured = Measured { found: found.clone(), trials: Vec::new() };
+        for trial in Trial::all() {
+            let name = format!("{}: {}", found.name, trial.name());
+            (self.progress)(&Step { done: self.step, of: self.steps, name });
+            let setup = self.setup(trial);
+            let row = match self.table.known(&session.id(&setup)) {
+                Some(row) => row.clone(),
+                None => {
+                    let row = session.run(&setup).map_err(Failure::Scene)?;
+                    self.table.append(&row).map_err(Failure::Output)?;
+                    row
+                }
+            };
+            let failed = row.failure.as_ref().map(|why| format!("{}, {}: {why}", row.scene, row.environment));
+            self.result.failures.extend(failed);
+            measured.trials.push((trial, row));
+            self.step += 1;
+        }
+        let pictures = match fragmented {
+            true => pictures::fragments(&session, self.picture(), &self.options.out)?,
+            false => Vec::new(),
+        };
+        Ok((measured, pictures))
+    }
+
+    fn setup(&self, trial: Trial) -> Setup {
+        let mut setup = trial.setup(self.picture());
+        if self.options.quick {
+            setup.bake.choose.effort = Effort::new(0);
+        }
+        setup
+    }
+
+    fn picture(&self) -> PictureSetup {
+        let defaults = PictureSetup::default();
+        if self.options.quick { PictureSetup { size: QUICK_SIZE, ..defaults } } else { defaults }
+    }
+}

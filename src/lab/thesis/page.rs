@@ -1,0 +1,100 @@
+//! The page of the experiments, as HTML and Markdown.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::ThesisOptions;
+use super::measured::Measured;
+use super::{claims, figures, tables};
+use crate::lab::LabError;
+use crate::report::html;
+use crate::report::study::{Figure, Section, Study};
+
+/// The folder of the figures, in that of the page.
+pub(super) const FIGURES: &str = "figures";
+
+/// Writes all figures and the page; returns the path of the page.
+///
+/// # Errors
+/// Fails if a file cannot be written.
+pub(super) fn write(
+    measured: &[Measured],
+    fragments: Vec<Figure>,
+    failures: &[String],
+    options: &ThesisOptions,
+) -> Result<PathBuf, LabError> {
+    let folder = options.out.join(FIGURES);
+    fs::create_dir_all(&folder).map_err(|e| LabError::file(&folder, e))?;
+    let study = study(measured, fragments, failures, options.quick, &folder)?;
+    let page = options.out.join("thesis.html");
+    for (path, text) in
+        [(&page, html::study(&study)), (&options.out.join("thesis.md"), study.to_markdown(&format!("{FIGURES}/")))]
+    {
+        fs::write(path, text).map_err(|e| LabError::file(path, e))?;
+    }
+    Ok(page)
+}
+
+fn study(
+    measured: &[Measured],
+    fragments: Vec<Figure>,
+    failures: &[String],
+    quick: bool,
+    folder: &Path,
+) -> Result<Study, LabError> {
+    let scenes = Section {
+        heading: "The scenes".into(),
+        tables: vec![tables::scenes(measured)],
+        sentences: tables::editions(measured),
+        ..Section::default()
+    };
+    let first = Section {
+        heading: "Experiment 1: parameters of bvh".into(),
+        sentences: claims::stand_in(measured).into_iter().chain(claims::bvh(measured)).collect(),
+        tables: tables::bvh_builds(measured).into_iter().collect(),
+        figures: [figures::bvh(measured, folder)?, fragments].concat(),
+    };
+    let second = Section {
+        heading: "Experiment 2: parameters of the overlap reduction".into(),
+        sentences: [claims::skip(measured), claims::som(measured)].concat(),
+        tables: vec![tables::skip_thresholds(measured)],
+        figures: [figures::skip(measured, folder)?, figures::som(measured, folder)?].concat(),
+    };
+    let fourth = Section {
+        heading: "Experiment 4: all methods".into(),
+        sentences: claims::methods(measured),
+        tables: vec![tables::methods(measured)],
+        figures: figures::methods(measured, folder)?,
+    };
+    Ok(Study {
+        title: "The experiments of \"Scene optimization for RTX\", repeated".into(),
+        sentences: introduction(measured, failures, quick),
+        sections: vec![scenes, first, second, fourth],
+    })
+}
+
+fn introduction(measured: &[Measured], failures: &[String], quick: bool) -> Vec<String> {
+    let mut said = vec![
+        "T. Bilák's thesis (Czech Technical University in Prague, 2024) compares four ways to distribute a scene over \
+         bottom-level acceleration structures. This page repeats its experiments and sets its numbers beside those \
+         measured here. The thesis was measured with OptiX 7.6 on an NVIDIA GeForce RTX 3070 Laptop GPU, with shading; \
+         here rays are traced with Vulkan or on the CPU, without shading."
+            .to_owned(),
+    ];
+    if let Some((_, row)) = measured.iter().find_map(|scene| scene.trials.first()) {
+        let [width, height] = row.size;
+        said.push(format!(
+            "Rays were traced by {} ({}): pictures of {width} x {height} pixels with {} primary ray per pixel, {} shadow \
+             ray per hit and one diffuse ray per hit.",
+            row.device, row.device_kind, row.pixel_samples, row.light_samples
+        ));
+        if row.device_kind != "gpu" {
+            said.push("These speeds were not measured on a GPU and do not predict GPU speed.".into());
+        }
+    }
+    if quick {
+        said.push("This was a quick run: every picture is small and was traced once, so speeds are noise.".into());
+    }
+    said.extend(failures.iter().map(|why| format!("Not measured: {why}.")));
+    said
+}

@@ -1,0 +1,123 @@
+//! `lab thesis`, actions and conversions, as a user runs them.
+
+use crate::common::{folder_names, raykiln};
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+fn samples() -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").display().to_string()
+}
+
+#[test]
+fn the_thesis_is_repeated_quickly_on_the_samples() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out").display().to_string();
+    let ran = raykiln(["lab", "thesis", "--quick", "--device", "cpu", "--scenes", &samples(), "--out", &out]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    assert_eq!(folder_names(Path::new(&out)), ["figures", "runs.csv", "runs.jsonl", "thesis.html", "thesis.md"]);
+    let text = fs::read_to_string(Path::new(&out).join("thesis.md")).unwrap();
+    for words in
+        ["Table 5.1", "Table 5.2", "Table 5.3", "not at hand", "a sample in place of", "do not predict GPU speed"]
+    {
+        assert!(text.contains(words), "{words}");
+    }
+    let page = fs::read_to_string(Path::new(&out).join("thesis.html")).unwrap();
+    assert!(page.matches("<svg").count() >= 8 && page.matches("<img").count() == 3);
+    let rows = fs::read_to_string(Path::new(&out).join("runs.csv")).unwrap().lines().count();
+    assert_eq!(rows, 1 + 3 * 19);
+    for figure in folder_names(&Path::new(&out).join("figures")) {
+        assert!(text.contains(&figure) || figure.ends_with(".png"), "{figure} is on the page");
+    }
+}
+
+#[test]
+fn actions_run_and_plot_and_go_on_where_they_stopped() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::copy(Path::new(&samples()).join("overlapping/scene.glb"), at("scene.glb")).unwrap();
+    fs::write(at("a.scn"), "SCENE_NAME=first\nMODEL_FILE_NAME=scene.glb\n").unwrap();
+    fs::write(at("single.env"), "ENVIRONMENT_NAME=one\nSINGLE_GAS=1\nWIDTH=8\nHEIGHT=6\nHEATSCALE=20\n").unwrap();
+    fs::write(
+        at("sweep.toml"),
+        "[[env]]\nenvironment_name = 'many'\nwidth = 8\nheight = 6\nsom_threshold = [0.2, 0.8]\n",
+    )
+    .unwrap();
+    let actions = r#"{ "actions": [
+        { "type": "run", "scenes": ["a.scn"], "envs": ["single.env", "sweep.toml"], "passes": 1, "device": "cpu",
+          "pictures": ["heatmap"] },
+        { "type": "plot", "plot_type": "bar", "plot_metadata": { "title": "Speeds", "output": "speeds",
+          "value_data": "all_mrays_per_s", "x_data": "environment", "series_data": "som_threshold" } } ] }"#;
+    fs::write(at("actions.json"), actions).unwrap();
+    let file = at("actions.json").display().to_string();
+    let ran = raykiln(["lab", &file]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let out = at("actions-results");
+    let pictures = [
+        "first-many-som_threshold-0.2-heatmap.png",
+        "first-many-som_threshold-0.8-heatmap.png",
+        "first-one-heatmap.png",
+    ];
+    let expected = [&pictures[..], &["runs.csv", "runs.jsonl", "speeds.png", "speeds.svg"]].concat();
+    assert_eq!(folder_names(&out), expected);
+
+    let lines = fs::read_to_string(out.join("runs.jsonl")).unwrap();
+    let first_two: String = lines.split_inclusive('\n').take(2).collect();
+    fs::write(out.join("runs.jsonl"), format!("{first_two}{{\"id\":")).unwrap();
+    let ran = raykiln(["lab", &file, "--resume"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let resumed = fs::read_to_string(out.join("runs.jsonl")).unwrap();
+    assert!(resumed.starts_with(&first_two) && resumed.lines().count() == 3, "{resumed}");
+}
+
+#[test]
+fn actions_that_are_wrong_are_refused_before_anything_is_measured() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("a.scn"), "SCENE_NAME=x\nMODEL_FILE=scene.glb\n").unwrap();
+    fs::write(at("good.scn"), "MODEL_FILE_NAME=scene.glb\n").unwrap();
+    for (name, text, words) in [
+        ("a.json", "{ \"actions\": [\n{ \"type\": \"fly\" } ] }", "a.json:2: unknown variant `fly`"),
+        (
+            "b.json",
+            "{ \"actions\": [\n{ \"type\": \"run\", \"scenes\": [], \"envs\": [] } ] }",
+            "b.json:2: the list of scenes is empty",
+        ),
+        (
+            "c.json",
+            "{ \"actions\": [\n\n{ \"type\": \"run\", \"scenes\": [\"good.scn\"], \"envs\": [\"b.env\"] } ] }",
+            "b.env: ",
+        ),
+        (
+            "d.toml",
+            "[[env]]\nenvironment_name = 'e'\n[[actions]]\ntype = 'run'\nenvs = ['e']\nscenes = ['a.scn']\n",
+            "a.scn:2: there is no key `MODEL_FILE`",
+        ),
+        ("e.toml", "actions = []\n[[env]]\nsom_treshold = 1\n", "e.toml:3: unknown key `som_treshold` in `env`"),
+        (
+            "f.toml",
+            "[[actions]]\ntype = 'run'\nenvs = ['e']\nscenes = ['s']\nspeed = 3\n",
+            "f.toml:1: unknown field `speed`",
+        ),
+    ] {
+        fs::write(at(name), text).unwrap();
+        let ran = raykiln(["lab", &at(name).display().to_string()]);
+        assert_eq!(ran.status, 2, "{}", ran.stderr);
+        assert!(ran.stderr.contains(words), "{name}: {}", ran.stderr);
+    }
+    let left: Vec<String> = folder_names(folder.path()).into_iter().filter(|name| name.contains("results")).collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn files_are_converted_and_lost_comments_are_counted() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    fs::write(at("a.env"), "# fast\nBUILD_FLAGS=6\n").unwrap();
+    let ran = raykiln(["lab", "convert", &at("a.env"), "-o", &at("a.toml")]);
+    assert!(ran.status == 0 && ran.stderr.contains("1 comment is not carried over"), "{}", ran.stderr);
+    let ran = raykiln(["lab", "convert", &at("a.toml"), "-o", &at("b.env")]);
+    assert_eq!((ran.status, fs::read_to_string(at("b.env")).unwrap().as_str()), (0, "BUILD_FLAGS=6\n"));
+    let ran = raykiln(["lab", "convert", &at("a.env"), "-o", &at("b.scn")]);
+    assert_eq!(ran.status, 2, "{}", ran.stderr);
+}
