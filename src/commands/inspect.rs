@@ -6,6 +6,7 @@ use crate::commands::source::Source;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::overlap::{self, Pair};
 use crate::layout::BlasPer;
+use crate::motion::advice;
 use crate::report::html::Shown;
 use crate::report::{Input, InspectReport, OverlappingPair, Rule};
 use crate::scene::{self, LoadOptions, Scene};
@@ -41,6 +42,7 @@ pub fn inspect_and_show(
         input: Input::of(doc.path.clone(), doc.file_bytes(), &scene),
         rules_checked: Rule::ALL.to_vec(),
         findings: rules::findings(&doc, &scene, &trees, before.as_bytes()),
+        motion: advice::advise(&doc, &scene)?,
         before,
         worst_pairs: worst_pairs_of(&scene),
         device_error: DeviceError::of(&scene),

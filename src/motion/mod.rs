@@ -5,6 +5,7 @@
 //! same for any number of threads. `docs/motion.md` defines every number. This is the moving part of the experiments of
 //! T. Bilak, "Scene optimization for RTX", master's thesis, Czech Technical University, 2024, chapters 4.4 and 5.
 
+pub mod advice;
 mod animation;
 mod crowd;
 pub mod frames;

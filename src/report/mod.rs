@@ -7,6 +7,7 @@ mod devices;
 mod findings;
 pub mod html;
 pub mod json;
+mod motion;
 pub(crate) mod notes;
 mod passes;
 pub mod plan;
@@ -38,6 +39,7 @@ use crate::cost::Metrics;
 use crate::emit::Copied;
 use crate::layout::{BlasPer, Rounds};
 use crate::methods::PlanId;
+use crate::motion::advice::Advice;
 use crate::scene::{self, Scene};
 use crate::verify::accuracy::Accuracy;
 use crate::verify::sight::DeviceError;
@@ -68,6 +70,8 @@ pub struct BakeReport {
     pub size: Size,
     /// The vendor rules that the input breaks.
     pub findings: Vec<Finding>,
+    /// Whether what moves can be refitted, by animation.
+    pub motion: Vec<Advice>,
     /// How the layout was chosen.
     pub method: MethodReport,
     /// Which other steps were applied or skipped, and why.
@@ -271,6 +275,8 @@ pub struct InspectReport {
     pub rules_checked: Vec<Rule>,
     /// The rules that the scene breaks.
     pub findings: Vec<Finding>,
+    /// Whether what moves can be refitted, by animation.
+    pub motion: Vec<Advice>,
     /// What single precision may do to a ray as long as the scene, and which objects it cannot tell therefore.
     pub device_error: DeviceError,
     /// What the reader repaired or omitted.

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::motion;
 use super::precision;
 use super::speed;
 use super::words::{bytes, counted, grouped};
@@ -10,6 +11,7 @@ use super::{ReadingError, Speed, VerifyReport, candidates, verdict};
 use crate::choose::PassId;
 use crate::cost::Metrics;
 use crate::layout::BlasPer;
+use crate::motion::advice::Advice;
 use crate::verify::seams::Seams;
 use crate::verify::verdict::Verdict;
 use crate::verify::{Sides, Verification};
@@ -34,6 +36,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
     let metrics = Sides { before: &report.before, after: &report.after };
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
     text += &findings_of_input(&report.findings, verbose);
+    text += &moving(&report.motion);
     text += &seconds(report);
     let verdict = match report.verdict {
         Verdict::Faster => "faster",
@@ -56,6 +59,12 @@ fn findings_of_input(findings: &[Finding], verbose: bool) -> String {
     let mut rules: Vec<String> = findings.iter().map(|f| format!("{} ({})", f.rule.id(), f.title)).collect();
     rules.dedup();
     paragraph(&format!("findings about the input, in full with -v: {}", rules.join(", ")))
+}
+
+/// Whether what moves can be refitted.
+fn moving(motion: &[Advice]) -> String {
+    let sentences: String = motion.iter().flat_map(motion::sentences).map(|s| paragraph(&s)).collect();
+    if sentences.is_empty() { sentences } else { format!("\nwhat moves\n{sentences}") }
 }
 
 /// What was chosen, by user or `auto`, and whether copies are shared.
@@ -144,6 +153,7 @@ pub fn inspect(report: &InspectReport) -> String {
         text += &table(&["overlap", "object", "object"], &rows);
     }
     let _ = writeln!(text, "\n{}", precision::of_device(&report.device_error));
+    text += &moving(&report.motion);
     if report.findings.is_empty() {
         let checked = report.rules_checked.len();
         let _ = writeln!(text, "\nnone of the {} checked is broken (docs/inspect.md)", counted(checked, "vendor rule"));

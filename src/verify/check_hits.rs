@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::Hit;
 use super::approach::Approach;
 use super::compare::{Judgement, View, at_an_end};
-use super::cpu::{Reference, TrueHit};
+use super::cpu::TrueHit;
 use super::note::Wrong;
 use super::rays::Ray;
 use crate::scene::{Scene, TriangleRef};
@@ -40,10 +40,9 @@ impl CheckedHits {
     }
 }
 
-/// Checks the hits of rays in a scene; `reference` is that of the scene.
-pub(crate) fn check(scene: &Scene, reference: &Reference, rays: &[Ray], hits: &[Option<Hit>]) -> CheckedHits {
-    assert_eq!(rays.len(), hits.len(), "there is a result for each ray");
-    let truths = reference.closest(rays);
+/// Checks the hits of rays in a scene; `truths` are the true ones.
+pub(crate) fn check(scene: &Scene, truths: &[Option<TrueHit>], rays: &[Ray], hits: &[Option<Hit>]) -> CheckedHits {
+    assert!(rays.len() == hits.len() && rays.len() == truths.len(), "there is a result for each ray");
     let view = View::of_input(scene);
     let judged = |i: usize| judge(&view, &rays[i], hits[i].as_ref(), truths[i].as_ref());
     let judged: Vec<Judgement> = (0..rays.len()).into_par_iter().map(judged).collect();
@@ -97,7 +96,7 @@ impl Hit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verify::cpu::{CpuTracer, TwoLevel};
+    use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
     use crate::verify::test_scenes::{Style, random_rays, room};
 
     fn rays() -> Vec<Ray> {
@@ -108,17 +107,17 @@ mod tests {
     fn the_hits_of_a_scene_are_right_and_those_of_another_are_not() {
         let (scene, rays) = (room(), rays());
         let trees = TwoLevel::build(&scene);
-        let reference = Reference::new(&trees);
+        let truths = Reference::new(&trees).closest(&rays);
         let hits = CpuTracer::new(&trees).closest(&rays);
-        let right = check(&scene, &reference, &rays, &hits);
+        let right = check(&scene, &truths, &rays, &hits);
         assert_eq!((right.rays, right.wrong), (2000, 0));
         assert!(right.hits > 1000 && right.same + right.ties + right.silhouettes == 2000 && right.same > 1990);
 
         let mut moved = room();
         moved.instances[4].transform.translation.x += 0.01;
         let elsewhere = CpuTracer::new(&TwoLevel::build(&moved)).closest(&rays);
-        assert!(check(&scene, &reference, &rays, &elsewhere).wrong > 0);
+        assert!(check(&scene, &truths, &rays, &elsewhere).wrong > 0);
         let lost = vec![None; rays.len()];
-        assert_eq!(check(&scene, &reference, &rays, &lost).wrong, right.hits);
+        assert_eq!(check(&scene, &truths, &rays, &lost).wrong, right.hits);
     }
 }

@@ -113,3 +113,18 @@ fn the_test_would_notice_invalid_sarif() {
     std::fs::write(&file, r#"{"version": "2.1.0", "runs": [{"tool": {}}]}"#).expect("writable");
     assert!(std::panic::catch_unwind(|| assert_valid_sarif(&[file])).is_err());
 }
+
+#[test]
+fn of_what_moves_it_says_whether_refitting_will_do() {
+    let report = inspect("animated", &["--json"]).json();
+    let motion = report["motion"].as_array().expect("a list");
+    assert_eq!(motion.len(), 1, "{motion:?}");
+    assert_eq!((&motion[0]["moving_instances"], &motion[0]["deforming_instances"]), (&2.into(), &0.into()));
+    assert!(motion[0]["tlas"]["cost_over_fresh_ratio"].as_f64() >= Some(1.0), "{}", motion[0]);
+    let folder = TempDir::new().expect("a temporary folder");
+    let baked = bake(&sample("animated"), &folder.path().join("out.glb"), &["--method", "single"]);
+    assert_eq!(baked["motion"], report["motion"]);
+    assert!(inspect("animated", &[]).stdout.contains("\nwhat moves\n"));
+    assert_eq!(inspect("overlapping", &["--json"]).json()["motion"], serde_json::json!([]));
+    assert!(!inspect("overlapping", &[]).stdout.contains("what moves"));
+}

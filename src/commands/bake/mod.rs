@@ -22,6 +22,7 @@ use crate::cost::Metrics;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
+use crate::motion::advice::{self, Advice};
 use crate::report::html::Shown;
 use crate::report::plan::{Hashes, PlannedDevice};
 use crate::report::{self, BakeReport, Finding, Input, MethodReport, Pass, ReportedOptions, Seconds, Size, Speed};
@@ -146,6 +147,7 @@ pub fn bake(
     let trees = MeshTrees::build(&scene);
     let before = measure_with(&scene, &trees, blas_per);
     let findings = rules::findings(&doc, &scene, &trees, before.as_bytes());
+    let motion = advice::advise(&doc, &scene)?;
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
     let SharedScene { scene: staged, metrics: shared, sharing } = copies::share(&doc, &scene, &trees, &before, options);
@@ -167,8 +169,8 @@ pub fn bake(
         tried.shown(source, &scene, output)
     });
     let shown = shown.transpose()?;
-    let done =
-        Done { input, output, scene: &scene, warnings, before, findings, copies, chosen, seconds, tried, options };
+    let of_input = OfInput { before, findings, motion };
+    let done = Done { input, output, scene: &scene, warnings, of_input, copies, chosen, seconds, tried, options };
     let (name, kind) = machine.name();
     let (mut report, staged) = done.report(kind);
     report.seconds = clock.stop();
@@ -177,14 +179,20 @@ pub fn bake(
     Ok(Baked { report, output, hashes, device: PlannedDevice::new(name, kind, machine.driver()), shown })
 }
 
+/// What is known of the input.
+struct OfInput {
+    before: Metrics,
+    findings: Vec<Finding>,
+    motion: Vec<Advice>,
+}
+
 /// What a bake did, of which its report is made.
 struct Done<'a> {
     input: Input,
     output: &'a Path,
     scene: &'a Scene,
     warnings: Vec<Warning>,
-    before: Metrics,
-    findings: Vec<Finding>,
+    of_input: OfInput,
     copies: Option<Pass>,
     chosen: Chosen,
     /// Time to choose, in seconds.
@@ -196,7 +204,8 @@ struct Done<'a> {
 impl Done<'_> {
     /// Returns the report, but for the times of the stages and the memory, and the output.
     fn report(self, device: MachineKind) -> (BakeReport, Staged) {
-        let Done { input, output, scene, warnings, before, findings, copies, chosen, seconds, tried, options } = self;
+        let Done { input, output, scene, warnings, of_input, copies, chosen, seconds, tried, options } = self;
+        let OfInput { before, findings, motion } = of_input;
         let Tried { written, after: scene_after, metrics: after, verification, verdict, .. } = tried;
         let blas_per = options.verify.build.blas_per;
         let overall = Speed::of(&verification, &options.verify.weights, device);
@@ -225,6 +234,7 @@ impl Done<'_> {
             after,
             size,
             findings,
+            motion,
             passes: copies
                 .into_iter()
                 .chain(chosen.passes.into_iter().map(Pass::from))

@@ -272,11 +272,12 @@ impl<'a> Run<'a> {
         let trees = TwoLevel::build(scene);
         let reference = Reference::new(&trees);
         let rays = thinned(&self.rays, CHECKED);
+        let truths = rays.each_ref().map(|rays| reference.closest(rays));
         let of_policy = |(policy, tlas): (&RebuildEvery, &usize)| {
             let mut hits = CheckedHits::default();
-            for rays in rays.values() {
+            for (kind, rays) in rays.iter() {
                 let found: Vec<Option<Hit>> = self.tracer.closest(*tlas, rays)?;
-                hits.add(&check_hits::check(scene, &reference, rays, &found));
+                hits.add(&check_hits::check(scene, &truths[kind], rays, &found));
             }
             Ok(LastHits { policy: *policy, hits })
         };

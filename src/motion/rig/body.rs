@@ -61,7 +61,11 @@ impl Body {
         let weights = pose.weights[self.node].as_ref().unwrap_or(&self.weights);
         let joints = self.skin.and_then(|skin| skins.get(skin)).map(|skin| joints(skin, pose));
         for (geometry, part) in mesh.geometries.iter_mut().zip(&self.parts) {
-            let position = |vertex: usize| part.position(vertex, weights, joints.as_deref()).as_vec3();
+            let position = |vertex: usize| {
+                let moved = part.position(vertex, weights, joints.as_deref()).as_vec3();
+                // What a malformed animation moves to nowhere stays.
+                if moved.is_finite() { moved } else { part.positions[vertex] }
+            };
             let all: Vec<Vec3> =
                 (0..part.positions.len()).into_par_iter().with_min_len(CHEAP_ELEMENTS).map(position).collect();
             geometry.positions = all.into();
@@ -81,7 +85,7 @@ fn joints(skin: &Skin, pose: &Pose) -> Vec<DAffine3> {
         },
         None => DAffine3::IDENTITY,
     };
-    let joint = |(i, node): (usize, &usize)| pose.worlds[*node] * inverse(i);
+    let joint = |(i, node): (usize, &usize)| pose.worlds.get(*node).map_or(DAffine3::IDENTITY, |w| *w * inverse(i));
     skin.joints.iter().enumerate().map(joint).collect()
 }
 

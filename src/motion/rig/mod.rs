@@ -7,7 +7,7 @@ mod playing;
 mod tests;
 
 use glam::{DAffine3, DQuat, DVec3};
-use raykiln_formats::properties::{Channel, Property, RestPose, Skin};
+use raykiln_formats::properties::{Animation, Channel, Property, RestPose, Skin};
 use raykiln_formats::{Document, Error};
 
 use crate::scene::Scene;
@@ -62,18 +62,20 @@ struct Pose {
 }
 
 impl Rig {
-    /// Returns how many animations a document has.
-    pub fn count(doc: &Document) -> usize {
-        doc.animations().len()
-    }
-
     /// Reads an animation of a document; `scene` is that of the document. `None` if there is no such animation or nothing in
     /// the scene moves by it.
     ///
     /// # Errors
     /// See [`Document::contents`].
     pub fn read(doc: &Document, scene: &Scene, animation: usize) -> Result<Option<Rig>, Error> {
-        let Some(animation) = doc.animations().into_iter().nth(animation) else { return Ok(None) };
+        match doc.animations().into_iter().nth(animation) {
+            Some(animation) => Rig::of(doc, scene, animation),
+            None => Ok(None),
+        }
+    }
+
+    /// Like [`Rig::read`], of an animation that was read.
+    pub(super) fn of(doc: &Document, scene: &Scene, animation: Animation) -> Result<Option<Rig>, Error> {
         let nodes = doc.hierarchy()?.nodes;
         let channels: Vec<(usize, Channel)> = animation.channels.into_iter().filter_map(of_node).collect();
         let ends = channels.iter().filter_map(|(_, channel)| channel.times.last().copied());

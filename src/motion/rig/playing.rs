@@ -37,7 +37,10 @@ impl Playing {
     pub fn advance(&self, scene: &mut Scene, time: f64) {
         let pose = self.rig.pose(time);
         for Placed { instance, node, copy } in &self.placed {
-            scene.instances[*instance as usize].transform = pose.worlds[*node] * *copy;
+            let transform = pose.worlds[*node] * *copy;
+            if transform.is_finite() {
+                scene.instances[*instance as usize].transform = transform;
+            }
         }
         for (index, instance, mesh) in &self.bodies {
             let body = &self.rig.bodies[*index];

@@ -18,6 +18,7 @@ fn report(scene: &Scene, object: &str, times: usize) -> InspectReport {
         worst_pairs: Vec::new(),
         rules_checked: vec![Rule::Outlier],
         findings: vec![finding; times],
+        motion: Vec::new(),
         device_error: DeviceError::of(scene),
         warnings: vec![object.to_owned()],
     }

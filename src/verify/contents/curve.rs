@@ -62,7 +62,7 @@ pub(crate) fn value(channel: &Channel, time: f64) -> Option<Vec<f64>> {
         SPLINE if first == second => Some(key(first)?.get(size / 3..size / 3 * 2)?.to_vec()),
         SPLINE => Some(splined([key(first)?, key(second)?], times[second] - times[first], share)),
         "STEP" => Some(key(first)?.to_vec()),
-        "LINEAR" if first == second || next == 0 => Some(key(first)?.to_vec()),
+        "LINEAR" if first == second => Some(key(first)?.to_vec()),
         "LINEAR" => {
             let (from, to) = (key(first)?, key(second)?);
             Some(if channel.path == "rotation" {
