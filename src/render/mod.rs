@@ -111,6 +111,19 @@ impl View {
         }
     }
 
+    /// Returns what it shows, in a few words.
+    pub fn description(self) -> &'static str {
+        match self {
+            View::Shaded => "Materials in the light of an area light, with one diffuse bounce",
+            View::Groups => "One colour per mesh group; neighbours differ",
+            View::Instances => "One colour per instance; neighbours differ",
+            View::Heatmap => "Traversal steps per primary ray",
+            View::Transparent => "All surfaces on each ray, as if they were glass",
+            View::Boxes => "Boxes of the instances, or of a level of the tree, as wires",
+            View::Overlap => "Number of instance boxes around the first hit",
+        }
+    }
+
     /// Returns the default number of samples per pixel.
     pub fn default_samples(self) -> u32 {
         match self {
