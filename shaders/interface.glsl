@@ -38,6 +38,17 @@ layout(buffer_reference, std430, buffer_reference_align = 4) writeonly buffer Di
     uint distance[];
 };
 
+struct Clocked {
+    // Ticks of the device's clock, at most the largest number of 32 bits.
+    uint ticks;
+    // 1 where something is hit.
+    uint is_hit;
+};
+
+layout(buffer_reference, std430, buffer_reference_align = 8) writeonly buffer Ticks {
+    Clocked ray[];
+};
+
 layout(buffer_reference, std430, buffer_reference_align = 4) readonly buffer Words {
     uint word[];
 };
@@ -70,7 +81,7 @@ layout(push_constant, std430) uniform Work {
     // Address of the TLAS.
     uvec2 scene;
     Rays rays;
-    // Address of Hits or Distances.
+    // Address of Hits, Distances or Ticks.
     uvec2 results;
     // The first ray of this launch.
     uint first;
@@ -78,6 +89,8 @@ layout(push_constant, std430) uniform Work {
     uint ray_flags;
     // Units of the structures a unit of the rays: a power of two.
     float scale;
+    // Hits kept per ray, where all are.
+    uint kept_hits;
     // Null where nothing is tested.
     AlphaGeometries alpha;
     // For each entry the first of its geometries.

@@ -16,6 +16,7 @@ use crate::commands::render::{Rendered, Stage, difference, render};
 use crate::render::{CameraChoice, ColourMap, Masks, RenderOptions, View};
 use crate::report::json::to_json;
 use crate::report::render::RenderReport;
+use crate::verify::DeviceChoice;
 
 pub(super) const EXAMPLES: &str = "Examples:
   raykiln render conference.obj -o conference.png
@@ -51,6 +52,10 @@ pub(super) struct RenderArguments {
     /// Seed of the samples
     #[arg(long, value_name = "N", default_value_t = RenderOptions::default().seed)]
     seed: u64,
+    /// Device that traces rays: `auto` (a GPU if there is one, else the CPU), `cpu`, or a Vulkan device by index or part
+    /// of its name (see `raykiln devices`)
+    #[arg(long, default_value = "auto", value_name = "DEVICE")]
+    device: String,
     /// heatmap, overlap: colours from small to large values [default: viridis]
     #[arg(long, value_enum, value_name = "MAP")]
     colours: Option<ColourMap>,
@@ -184,11 +189,12 @@ pub(super) fn run(arguments: &RenderArguments, output: &Output) -> Result<ExitCo
     let inputs: Vec<&Path> = [&arguments.input].into_iter().chain(&arguments.after).map(PathBuf::as_path).collect();
     let file = PictureFile::check(&arguments.output, &inputs)?;
     let (camera, options) = (arguments.camera.clone().unwrap_or_default(), arguments.options());
+    let device = DeviceChoice::from(arguments.device.as_str());
     let mut progress = Progress::new(output.quiet);
     let enter = &mut |stage: Stage| progress.enter(stage.label());
     let rendered = match (arguments.view.of_one(), &inputs[..]) {
-        (None, &[before, after]) => difference(before.into(), after.into(), &camera, &options, enter),
-        (view, _) => render(inputs[0].into(), view.unwrap_or_default(), &camera, &options, enter),
+        (None, &[before, after]) => difference(before.into(), after.into(), &camera, &options, &device, enter),
+        (view, _) => render(inputs[0].into(), view.unwrap_or_default(), &camera, &options, &device, enter),
     };
     progress.finish();
     let Rendered { png, report } = rendered?;

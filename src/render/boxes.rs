@@ -7,12 +7,14 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use super::colour::{encoded, of_hue};
 use super::flat::{BACKGROUND, facing};
-use super::frame::Frame;
+use super::frame::{Frame, Sample};
 use super::palette;
+use super::probe::{Probe, Tracing};
 use super::surface::Spot;
 use super::wires::{Canvas, Wire};
 use super::{Picture, RenderError, RenderOptions, Renderer, Statistics};
 use crate::scene::{Bounds, Scene};
+use crate::verify::DeviceError;
 use crate::verify::cpu::LevelBox;
 
 /// Largest number of boxes in a picture: more could not be told apart.
@@ -41,10 +43,15 @@ impl Default for Masks {
 /// Draws the visible surfaces and, over them, the wires of boxes.
 ///
 /// # Errors
-/// [`RenderError::Boxes`] if there are too many.
-pub(super) fn picture(renderer: &Renderer, frame: &Frame, options: &RenderOptions) -> Result<Picture, RenderError> {
+/// [`RenderError::Boxes`] if there are too many, or the device fails.
+pub(super) fn picture(
+    renderer: &Renderer,
+    frame: &Frame,
+    tracing: &Tracing,
+    options: &RenderOptions,
+) -> Result<Picture, RenderError> {
     let boxes = if options.masks.boxes { boxes(renderer, options.depth)? } else { Vec::new() };
-    let (mut picture, depths) = surfaces(renderer, frame, options.masks);
+    let (mut picture, depths) = surfaces(renderer, frame, tracing, options.masks)?;
     picture.statistics.boxes = Some(boxes.len() as u64);
     let mut canvas = Canvas { sight: &frame.sight, picture: &mut picture, depths: &depths };
     for (placed, colour) in &boxes {
@@ -74,35 +81,38 @@ fn boxes(renderer: &Renderer, depth: Option<u32>) -> Result<Vec<(LevelBox, Vec3)
 }
 
 /// Draws the visible surfaces, and returns how far in front of the camera they are: infinitely far where there are none.
-fn surfaces(renderer: &Renderer, frame: &Frame, masks: Masks) -> (Picture, Vec<f32>) {
+fn surfaces(
+    renderer: &Renderer,
+    frame: &Frame,
+    tracing: &Tracing,
+    masks: Masks,
+) -> Result<(Picture, Vec<f32>), DeviceError> {
     let scene = renderer.scene;
     let colours = palette::of_groups(scene);
     let shown = shown(scene, masks);
     let to_camera = frame.sight.to_camera();
-    let tracer = renderer.tracer();
-    let of_pixels = frame.each(
-        || tracer.probe(),
-        |probe, pixel| {
-            let (mut sum, mut hits, mut depth) = (Vec3::ZERO, 0u32, f32::INFINITY);
-            for sample in frame.samples_of(pixel) {
-                let Some(hit) = probe.closest(&sample.ray, |hit| shown[hit.instance as usize].is_some()) else {
-                    sum += BACKGROUND;
-                    continue;
-                };
-                let spot = Spot::of(scene, &sample.ray, &hit);
-                let tint = if shown[hit.instance as usize] == Some(true) { TINT } else { 0.0 };
-                sum += GREY.lerp(colours[hit.instance as usize], tint) * facing(&spot, sample.ray.direction);
-                hits += 1;
-                depth = depth.min(-to_camera.transform_point3(spot.point).z as f32);
-            }
-            (encoded(sum / frame.samples as f32), hits, depth)
-        },
-    );
-    let hits: u64 = of_pixels.iter().map(|(_, hits, _)| u64::from(*hits)).sum();
-    let seen_ratio = hits as f64 / (of_pixels.len() as f64 * f64::from(frame.samples));
-    let statistics = Statistics { seen_ratio, ..Statistics::default() };
+    let of_sample = |probe: &mut Probe, sample: &Sample| {
+        let hit = probe.closest(&sample.ray, |hit| shown[hit.instance as usize].is_some())?;
+        let spot = Spot::of(scene, &sample.ray, &hit);
+        let tint = if shown[hit.instance as usize] == Some(true) { TINT } else { 0.0 };
+        let colour = GREY.lerp(colours[hit.instance as usize], tint) * facing(&spot, sample.ray.direction);
+        Some((colour, -to_camera.transform_point3(spot.point).z as f32))
+    };
+    let of_pixel = |samples: &mut dyn Iterator<Item = Option<(Vec3, f32)>>| {
+        let (mut sum, mut hits, mut depth) = (Vec3::ZERO, 0u32, f32::INFINITY);
+        for seen in samples {
+            let (colour, at) = seen.unwrap_or((BACKGROUND, f32::INFINITY));
+            (sum, hits, depth) = (sum + colour, hits + u32::from(seen.is_some()), depth.min(at));
+        }
+        (encoded(sum / frame.samples as f32), hits, depth)
+    };
+    let of_pixels = frame.each(tracing, of_sample, of_pixel)?;
+    let statistics = Statistics {
+        seen_ratio: frame.seen_ratio(of_pixels.iter().map(|(_, hits, _)| *hits)),
+        ..Statistics::default()
+    };
     let depths = of_pixels.iter().map(|(.., depth)| *depth).collect();
-    (Picture::of(frame.size, of_pixels.into_iter().map(|(colour, ..)| colour).collect(), statistics), depths)
+    Ok((Picture::of(frame.size, of_pixels.into_iter().map(|(colour, ..)| colour).collect(), statistics), depths))
 }
 
 /// Returns for each visible instance whether its mesh is placed more than once; `None` for the others.

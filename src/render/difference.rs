@@ -3,16 +3,20 @@
 //! A flipped normal need not change how a surface is lit, and a texture may look like another one. Therefore not only the
 //! shaded pictures are compared, but also what the ray through the middle of each pixel hits.
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use super::colour::Rgb;
-use super::frame::Frame;
+use super::frame::{Frame, Sample};
 use super::legend;
 use super::look::Look;
+use super::probe::{Probe, Tracing};
 use super::shade::{self, Shader};
 use super::{Camera, Picture, RenderError, RenderOptions, Renderer, Statistics, View};
-use crate::verify::cpu::Probe;
+use crate::verify::DeviceError;
+use crate::verify::batch::BatchTracer;
 use crate::verify::rays::Ray;
 
 /// By what a pixel differs; the first of these that applies.
@@ -77,6 +81,8 @@ const SAME_NORMAL: f64 = 0.999_85;
 const SAME_LOOK: f32 = 0.02;
 /// Channels of the pictures are equal if they differ by no more than this.
 const SAME_LIGHT: u8 = 2;
+/// Number of pixels whose facts are kept at a time.
+const AT_ONCE: usize = 1 << 18;
 /// Share of the first picture, in grey, that is left in the result.
 const GREY: f32 = 0.4;
 
@@ -113,47 +119,71 @@ impl Renderer<'_> {
         camera: &Camera,
         options: &RenderOptions,
     ) -> Result<Picture, RenderError> {
-        let frame = Frame::new(View::Shaded, camera, options)?;
-        let pictures = [shade::picture(self, &frame), shade::picture(after, &frame)];
-        Ok(compared(self, after, &frame, &pictures))
+        self.compare([&self.on_cpu(), &after.on_cpu()], after, camera, options)
     }
 
-    /// Like [`Renderer::difference`], with the shaded pictures that this camera and these options gave before.
+    /// Like [`Renderer::difference`], with rays through either scene traced by a device.
     ///
     /// # Errors
-    /// See [`Renderer::picture`].
-    ///
-    /// # Panics
-    /// If the pictures do not have the size of the options.
-    pub fn difference_of(
+    /// See [`Renderer::picture_on`].
+    pub fn difference_on(
         &self,
+        devices: [&dyn BatchTracer; 2],
         after: &Renderer,
-        pictures: &[Picture; 2],
+        camera: &Camera,
+        options: &RenderOptions,
+    ) -> Result<Picture, RenderError> {
+        let [before, other] = devices.map(Tracing::Device);
+        self.compare([&before, &other], after, camera, options)
+    }
+
+    fn compare(
+        &self,
+        tracings: [&Tracing; 2],
+        after: &Renderer,
         camera: &Camera,
         options: &RenderOptions,
     ) -> Result<Picture, RenderError> {
         let frame = Frame::new(View::Shaded, camera, options)?;
-        assert!(pictures.iter().all(|picture| [picture.width, picture.height] == options.size), "they have one size");
-        Ok(compared(self, after, &frame, pictures))
+        let before = Seeing { renderer: self, tracing: tracings[0] };
+        let after = Seeing { renderer: after, tracing: tracings[1] };
+        let pictures = [before.shaded(&frame)?, after.shaded(&frame)?];
+        Ok(compared(&before, &after, &frame, &pictures)?)
+    }
+}
+
+/// A scene and what traces the rays through it.
+struct Seeing<'s, 'a> {
+    renderer: &'s Renderer<'a>,
+    tracing: &'s Tracing<'s>,
+}
+
+impl Seeing<'_, '_> {
+    fn shaded(&self, frame: &Frame) -> Result<Picture, DeviceError> {
+        shade::picture(self.renderer, frame, self.tracing)
+    }
+
+    /// Returns what the rays through the middles of some pixels hit.
+    fn facts(&self, frame: &Frame, pixels: Range<usize>) -> Result<Vec<Option<Facts>>, DeviceError> {
+        let shader = Shader::of(self.renderer);
+        let of_sample = |probe: &mut Probe, sample: &Sample| facts(&shader, probe, &sample.ray);
+        frame.middles().each_within(pixels, self.tracing, of_sample, |samples| samples.next().flatten())
     }
 }
 
 /// Shows where two shaded pictures differ.
-fn compared(before: &Renderer, after: &Renderer, frame: &Frame, pictures: &[Picture; 2]) -> Picture {
-    let shaders = (Shader::of(before), Shader::of(after));
-    let tracers = [before.tracer(), after.tracer()];
-    let radius = before.stage.radius;
-    let found: Vec<(Option<Cause>, u8)> = frame.each(
-        || tracers.each_ref().map(|tracer| tracer.probe()),
-        |probes, pixel| {
-            let ray = frame.ray(pixel, [0.5; 2]);
-            let [a, b] = probes;
-            let seen = [facts(&shaders.0, a, &ray), facts(&shaders.1, b, &ray)];
+fn compared(before: &Seeing, after: &Seeing, frame: &Frame, pictures: &[Picture; 2]) -> Result<Picture, DeviceError> {
+    let radius = before.renderer.stage.radius;
+    let mut found: Vec<(Option<Cause>, u8)> = Vec::with_capacity(frame.pixels());
+    for first in (0..frame.pixels()).step_by(AT_ONCE) {
+        let some = first..(first + AT_ONCE).min(frame.pixels());
+        let seen = before.facts(frame, some.clone())?.into_iter().zip(after.facts(frame, some.clone())?);
+        for (pixel, seen) in some.zip(seen) {
             let [a, b] = pictures.each_ref().map(|picture| &picture.pixels[3 * pixel..3 * pixel + 3]);
             let light = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
-            (cause(&seen, light, radius), light)
-        },
-    );
+            found.push((cause(&[seen.0, seen.1], light, radius), light));
+        }
+    }
     let differences = summed(&found, pictures);
     let colour = |(pixel, (cause, light)): (usize, &(Option<Cause>, u8))| coloured(pictures, pixel, *cause, *light);
     let pixels = found.iter().enumerate().map(colour).collect();
@@ -161,7 +191,7 @@ fn compared(before: &Renderer, after: &Renderer, frame: &Frame, pictures: &[Pict
     let statistics = Statistics { seen_ratio, differences: Some(differences), ..Statistics::default() };
     let mut picture = Picture::of(frame.size, pixels, statistics);
     legend::key(&mut picture, &Cause::ALL.map(|cause| (cause.colour(), cause.name())));
-    picture
+    Ok(picture)
 }
 
 /// What a ray hits.

@@ -3,6 +3,7 @@
 use super::boxes::MOST_BOXES;
 use super::camera::BadCamera;
 use super::options::{MOST_PIXELS, MOST_SAMPLES, MOST_SIDE};
+use crate::verify::DeviceError;
 
 /// Why a picture cannot be drawn.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -34,6 +35,9 @@ pub enum RenderError {
     /// The camera shows nothing.
     #[error(transparent)]
     Camera(#[from] BadCamera),
+    /// The device that traces the rays failed.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
 }
 
 fn too_many(count: usize, depth: Option<u32>) -> String {

@@ -3,9 +3,11 @@
 use glam::Vec3;
 
 use super::colour::encoded;
-use super::frame::Frame;
+use super::frame::{Frame, Sample};
+use super::probe::{Probe, Tracing};
 use super::surface::Spot;
 use super::{Picture, Renderer, Statistics};
+use crate::verify::DeviceError;
 
 /// Light behind the scene.
 pub(super) const BACKGROUND: Vec3 = Vec3::splat(0.86);
@@ -13,28 +15,31 @@ pub(super) const BACKGROUND: Vec3 = Vec3::splat(0.86);
 const GRAZING: f32 = 0.35;
 
 /// Draws the first hits in the colours of their instances.
-pub(super) fn picture(renderer: &Renderer, frame: &Frame, colours: &[Vec3]) -> Picture {
-    let tracer = renderer.tracer();
-    let of_pixels = frame.each(
-        || tracer.probe(),
-        |probe, pixel| {
-            let (mut sum, mut hits) = (Vec3::ZERO, 0u32);
-            for sample in frame.samples_of(pixel) {
-                let Some(hit) = probe.closest(&sample.ray, |_| true) else {
-                    sum += BACKGROUND;
-                    continue;
-                };
-                let spot = Spot::of(renderer.scene, &sample.ray, &hit);
-                hits += 1;
-                sum += colours[hit.instance as usize] * facing(&spot, sample.ray.direction);
-            }
-            (encoded(sum / frame.samples as f32), hits)
-        },
-    );
-    let hits: u64 = of_pixels.iter().map(|(_, hits)| u64::from(*hits)).sum();
-    let seen_ratio = hits as f64 / (of_pixels.len() as f64 * f64::from(frame.samples));
+pub(super) fn picture(
+    renderer: &Renderer,
+    frame: &Frame,
+    tracing: &Tracing,
+    colours: &[Vec3],
+) -> Result<Picture, DeviceError> {
+    let scene = renderer.scene;
+    let of_sample = |probe: &mut Probe, sample: &Sample| {
+        let hit = probe.closest(&sample.ray, |_| true)?;
+        let spot = Spot::of(scene, &sample.ray, &hit);
+        Some(colours[hit.instance as usize] * facing(&spot, sample.ray.direction))
+    };
+    let of_pixel = |samples: &mut dyn Iterator<Item = Option<Vec3>>| {
+        let (mut sum, mut hits) = (Vec3::ZERO, 0u32);
+        for seen in samples {
+            sum += seen.unwrap_or(BACKGROUND);
+            hits += u32::from(seen.is_some());
+        }
+        (encoded(sum / frame.samples as f32), hits)
+    };
+    let of_pixels = frame.each(tracing, of_sample, of_pixel)?;
+    let statistics =
+        Statistics { seen_ratio: frame.seen_ratio(of_pixels.iter().map(|(_, hits)| *hits)), ..Statistics::default() };
     let pixels = of_pixels.into_iter().map(|(colour, _)| colour).collect();
-    Picture::of(frame.size, pixels, Statistics { seen_ratio, ..Statistics::default() })
+    Ok(Picture::of(frame.size, pixels, statistics))
 }
 
 /// Share of light by the angle between a surface and the ray that sees it.

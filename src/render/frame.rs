@@ -1,16 +1,23 @@
 //! The pixels of a picture and the rays through them.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::draws::{Draws, Purpose};
+use super::probe::{Probe, Tracing, on_device};
 use super::{Camera, RenderError, RenderOptions, View};
+use crate::verify::DeviceError;
 use crate::verify::rays::Ray;
 use crate::verify::view::View as Sight;
 
 /// Number of pixels per task: few enough to spread over threads, enough to amortise what a task prepares.
-const BATCH: usize = 128;
+pub(super) const BATCH: usize = 128;
+/// Number of samples whose rays a device traces at once: enough to keep it busy, few enough to remember their answers.
+const SAMPLES_AT_ONCE: usize = 1 << 18;
 
 /// A picture to be drawn.
+#[derive(Clone)]
 pub(super) struct Frame {
     pub(super) sight: Sight,
     pub(super) size: [u32; 2],
@@ -41,13 +48,57 @@ impl Frame {
         self.size[0] as usize * self.size[1] as usize
     }
 
-    /// Computes something for every pixel, in rows from the top. `start` returns what a task uses for all its pixels.
-    pub(super) fn each<S, T: Send>(
+    /// Returns the share of the rays that hit something, given how many rays of each pixel do.
+    pub(super) fn seen_ratio(&self, hits: impl ExactSizeIterator<Item = u32>) -> f64 {
+        let rays = hits.len() as f64 * f64::from(self.samples);
+        hits.map(u64::from).sum::<u64>() as f64 / rays
+    }
+
+    /// Returns the same picture with one sample in the middle of each pixel.
+    pub(super) fn middles(&self) -> Frame {
+        Frame { samples: 1, ..self.clone() }
+    }
+
+    /// Computes something of every sample, and of the samples of every pixel, in rows from the top.
+    ///
+    /// # Errors
+    /// Fails if the device does.
+    pub(super) fn each<T: Send, P: Send>(
         &self,
-        start: impl Fn() -> S + Sync + Send,
-        of: impl Fn(&mut S, usize) -> T + Sync + Send,
-    ) -> Vec<T> {
-        (0..self.pixels()).into_par_iter().with_min_len(BATCH).map_init(start, of).collect()
+        tracing: &Tracing,
+        of_sample: impl Fn(&mut Probe, &Sample) -> T + Sync + Send,
+        of_pixel: impl Fn(&mut dyn Iterator<Item = T>) -> P + Sync + Send,
+    ) -> Result<Vec<P>, DeviceError> {
+        self.each_within(0..self.pixels(), tracing, of_sample, of_pixel)
+    }
+
+    /// The same for some of the pixels.
+    pub(super) fn each_within<T: Send, P: Send>(
+        &self,
+        pixels: Range<usize>,
+        tracing: &Tracing,
+        of_sample: impl Fn(&mut Probe, &Sample) -> T + Sync + Send,
+        of_pixel: impl Fn(&mut dyn Iterator<Item = T>) -> P + Sync + Send,
+    ) -> Result<Vec<P>, DeviceError> {
+        match tracing {
+            Tracing::Cpu(tracer) => {
+                let of = |probe: &mut Probe, pixel| of_pixel(&mut self.samples_of(pixel).map(|s| of_sample(probe, &s)));
+                Ok(each_pixel(pixels, || Probe::Cpu(tracer.probe()), of))
+            }
+            Tracing::Device(device) => {
+                let mut all = Vec::with_capacity(pixels.len());
+                let samples = self.samples as usize;
+                let step = (SAMPLES_AT_ONCE / samples).max(1);
+                for first in pixels.clone().step_by(step) {
+                    let some = first..(first + step).min(pixels.end);
+                    let count = some.len();
+                    let traced = on_device(*device, some.flat_map(|pixel| self.samples_of(pixel)), &of_sample)?;
+                    let mut values = traced.into_iter();
+                    all.extend((0..count).map(|_| of_pixel(&mut values.by_ref().take(samples))));
+                }
+                Ok(all)
+            }
+        }
     }
 
     /// Returns the samples of a pixel: its middle, or random points spread over it.
@@ -60,11 +111,20 @@ impl Frame {
     }
 
     /// Returns the ray through a point of a pixel, from its upper left corner (0, 0) to its lower right one (1, 1).
-    pub(super) fn ray(&self, pixel: usize, [x, y]: [f64; 2]) -> Ray {
+    fn ray(&self, pixel: usize, [x, y]: [f64; 2]) -> Ray {
         let [width, height] = self.size.map(|side| side as usize);
         let x = ((pixel % width) as f64 + x) / width as f64;
         let y = ((pixel / width) as f64 + y) / height as f64;
         let (origin, direction) = self.sight.ray([2.0 * x - 1.0, 1.0 - 2.0 * y]);
         Ray::endless(origin, direction)
     }
+}
+
+/// Computes something of every pixel, in order. `start` returns what a task uses for all its pixels.
+pub(super) fn each_pixel<S, P: Send>(
+    pixels: Range<usize>,
+    start: impl Fn() -> S + Sync + Send,
+    of: impl Fn(&mut S, usize) -> P + Sync + Send,
+) -> Vec<P> {
+    pixels.into_par_iter().with_min_len(BATCH).map_init(start, of).collect()
 }

@@ -1,7 +1,7 @@
 //! Pictures of a scene: how it looks, which triangles share a group, and what it costs to trace.
 //!
-//! A [`Renderer`] is built once per scene and draws any number of pictures of it, on the CPU. A [`Camera`] belongs to no
-//! scene, so the input and the output of a bake can be seen by the same one. Each pixel depends on its position, the
+//! A [`Renderer`] is built once per scene and draws any number of pictures of it. Rays are traced on the CPU or on a device;
+//! shading is the same code either way. A [`Camera`] belongs to no scene, so the input and the output of a bake can be seen by the same one. Each pixel depends on its position, the
 //! seed and the options alone: pictures have the same bytes for any number of threads.
 //!
 //! ```
@@ -42,6 +42,7 @@ mod options;
 mod overlap;
 mod palette;
 mod picture;
+mod probe;
 mod shade;
 mod surface;
 #[cfg(test)]
@@ -58,7 +59,7 @@ pub use costs::{Costs, MeanSteps};
 pub use difference::{Cause, Differences};
 pub use error::RenderError;
 pub use options::{MOST_PIXELS, MOST_SAMPLES, MOST_SIDE, RenderOptions};
-pub use picture::{Picture, Statistics, Values};
+pub use picture::{Picture, Statistics, Unit, Values};
 pub use texture::BadImage;
 
 use std::sync::OnceLock;
@@ -67,11 +68,13 @@ use raykiln_formats::Document;
 
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::{Bounds, Scene};
+use crate::verify::batch::BatchTracer;
 use crate::verify::cpu::{CpuTracer, Reference, TwoLevel};
 use crate::verify::rays::{self, Ray};
 use crate::verify::view::Stage;
 use frame::Frame;
 use look::Looks;
+use probe::Tracing;
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -117,7 +120,7 @@ impl View {
             View::Shaded => "Materials in the light of an area light, with one diffuse bounce",
             View::Groups => "One colour per mesh group; neighbours differ",
             View::Instances => "One colour per instance; neighbours differ",
-            View::Heatmap => "Traversal steps per primary ray",
+            View::Heatmap => "Cost of the primary rays: ticks of the device's clock, or traversal steps on the CPU",
             View::Transparent => "All surfaces on each ray, as if they were glass",
             View::Boxes => "Boxes of the instances, or of a level of the tree, as wires",
             View::Overlap => "Number of instance boxes around the first hit",
@@ -173,19 +176,44 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// Options out of range, or too many boxes, see [`RenderError`].
     pub fn picture(&self, view: View, camera: &Camera, options: &RenderOptions) -> Result<Picture, RenderError> {
+        self.draw(&self.on_cpu(), view, camera, options)
+    }
+
+    /// Like [`Renderer::picture`], with rays traced by a device through the same scene. The heat map shows the device's
+    /// clock if it has one, and otherwise the steps on the CPU.
+    ///
+    /// # Errors
+    /// See [`Renderer::picture`]; and [`RenderError::Device`] if the device fails.
+    pub fn picture_on(
+        &self,
+        device: &dyn BatchTracer,
+        view: View,
+        camera: &Camera,
+        options: &RenderOptions,
+    ) -> Result<Picture, RenderError> {
+        self.draw(&Tracing::Device(device), view, camera, options)
+    }
+
+    fn draw(
+        &self,
+        tracing: &Tracing,
+        view: View,
+        camera: &Camera,
+        options: &RenderOptions,
+    ) -> Result<Picture, RenderError> {
         let frame = Frame::new(view, camera, options)?;
         Ok(match view {
-            View::Shaded => shade::picture(self, &frame),
-            View::Groups => flat::picture(self, &frame, &palette::of_groups(self.scene)),
-            View::Instances => flat::picture(self, &frame, &palette::of_instances(self.scene)),
+            View::Shaded => shade::picture(self, &frame, tracing)?,
+            View::Groups => flat::picture(self, &frame, tracing, &palette::of_groups(self.scene))?,
+            View::Instances => flat::picture(self, &frame, tracing, &palette::of_instances(self.scene))?,
             View::Heatmap => {
-                let costs = costs::count(self, &frame);
+                let costs = costs::measured(self, &frame, tracing)?;
                 let scale = options.scale.unwrap_or_else(|| Costs::scale(&[&costs]));
                 costs.picture(options.colours, scale)
             }
-            View::Transparent => transparent::picture(self, &frame, &palette::of_groups(self.scene)),
-            View::Boxes => boxes::picture(self, &frame, options)?,
-            View::Overlap => overlap::picture(self, &frame, options),
+            View::Transparent => transparent::picture(&frame, tracing, &palette::of_groups(self.scene))?,
+            View::Boxes => boxes::picture(self, &frame, tracing, options)?,
+            View::Overlap => overlap::picture(self, &frame, tracing, options)?,
         })
     }
 
@@ -194,7 +222,7 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// See [`Renderer::picture`].
     pub fn costs(&self, camera: &Camera, options: &RenderOptions) -> Result<Costs, RenderError> {
-        Ok(costs::count(self, &Frame::new(View::Heatmap, camera, options)?))
+        Ok(costs::counted(self, &Frame::new(View::Heatmap, camera, options)?))
     }
 
     /// Returns the images that could not be read or decoded when a picture needed them; surfaces with them are drawn as
@@ -203,8 +231,8 @@ impl<'a> Renderer<'a> {
         self.looks.get().map_or(&[], Looks::bad_images)
     }
 
-    fn tracer(&self) -> CpuTracer<'_> {
-        CpuTracer::new(&self.accel)
+    fn on_cpu(&self) -> Tracing<'_> {
+        Tracing::Cpu(CpuTracer::new(&self.accel))
     }
 
     fn looks(&self) -> &Looks<'a> {

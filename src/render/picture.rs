@@ -42,6 +42,35 @@ pub struct Values {
     pub max: f64,
     /// The value with the last colour of the scale; larger ones have it too.
     pub scale: f64,
+    /// What is counted.
+    pub unit: Unit,
+}
+
+/// What the values of a picture count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Unit {
+    /// Traversal steps: nodes, entries and triangle tests.
+    #[default]
+    Steps,
+    /// Ticks of a device's clock.
+    Ticks,
+    /// Surfaces on a ray.
+    Surfaces,
+    /// Boxes of instances around a point.
+    Boxes,
+}
+
+impl Unit {
+    /// Returns the name in legends.
+    pub fn name(self) -> &'static str {
+        match self {
+            Unit::Steps => "nodes, entries and triangle tests",
+            Unit::Ticks => "ticks of the device's clock",
+            Unit::Surfaces => "surfaces",
+            Unit::Boxes => "instance boxes around the surface",
+        }
+    }
 }
 
 impl Picture {
@@ -85,13 +114,13 @@ impl Picture {
 }
 
 impl Values {
-    /// Returns the values of pixels, and the end of their scale.
-    pub(super) fn of(values: impl Iterator<Item = f64>, scale: f64) -> Values {
+    /// Returns the values of pixels, with the end of their scale and their unit.
+    pub(super) fn of(values: impl Iterator<Item = f64>, scale: f64, unit: Unit) -> Values {
         let (mut sum, mut max, mut count) = (0.0, 0.0, 0u64);
         for value in values {
             (sum, max, count) = (sum + value, f64::max(max, value), count + 1);
         }
-        Values { mean: sum / count.max(1) as f64, max, scale }
+        Values { mean: sum / count.max(1) as f64, max, scale, unit }
     }
 }
 

@@ -10,16 +10,18 @@ use super::colour::encoded;
 use super::draws::{Draws, Purpose};
 use super::frame::Frame;
 use super::look::{Look, Looks};
+use super::probe::{Probe, Tracing};
 use super::surface::Spot;
 use super::{Picture, Renderer, Statistics};
 use crate::scene::{InstanceId, Scene};
-use crate::verify::Hit;
-use crate::verify::cpu::Probe;
 use crate::verify::rays::{Ray, off_surface};
 use crate::verify::view::Stage;
+use crate::verify::{DeviceError, Hit};
 
 /// Surfaces that one primary ray may pass.
 const MOST_LAYERS: usize = 24;
+/// Light of one sample that is not cut: a few samples with more would stand out as dots.
+const MOST_LIGHT: f32 = 4.0;
 /// Light that is not worth following any more.
 const LEAST: f32 = 0.01;
 /// Light of the lamp at one radius of the scene, inside an interior and elsewhere.
@@ -41,26 +43,20 @@ pub(super) struct Shader<'r, 'a> {
 }
 
 /// Draws the shaded picture.
-pub(super) fn picture(renderer: &Renderer, frame: &Frame) -> Picture {
+pub(super) fn picture(renderer: &Renderer, frame: &Frame, tracing: &Tracing) -> Result<Picture, DeviceError> {
     let shader = Shader::of(renderer);
-    let tracer = renderer.tracer();
-    let of_pixels = frame.each(
-        || tracer.probe(),
-        |probe, pixel| {
-            let (mut sum, mut hits) = (Vec3::ZERO, 0u32);
-            for sample in frame.samples_of(pixel) {
-                let (light, is_hit) = shader.light(probe, sample.ray, sample.draws);
-                sum += light.min(Vec3::splat(4.0));
-                hits += u32::from(is_hit);
-            }
-            (sum / frame.samples as f32, hits)
-        },
-    );
-    let hits: u64 = of_pixels.iter().map(|(_, hits)| u64::from(*hits)).sum();
-    let seen_ratio = hits as f64 / (of_pixels.len() as f64 * f64::from(frame.samples));
+    let of_pixel = |samples: &mut dyn Iterator<Item = (Vec3, bool)>| {
+        let add = |(sum, hits): (Vec3, u32), (light, is_hit): (Vec3, bool)| {
+            (sum + light.min(Vec3::splat(MOST_LIGHT)), hits + u32::from(is_hit))
+        };
+        let (sum, hits) = samples.fold((Vec3::ZERO, 0), add);
+        (sum / frame.samples as f32, hits)
+    };
+    let of_pixels = frame.each(tracing, |probe, sample| shader.light(probe, sample.ray, sample.draws), of_pixel)?;
+    let seen_ratio = frame.seen_ratio(of_pixels.iter().map(|(_, hits)| *hits));
     let exposure = exposure(of_pixels.iter().map(|(light, _)| *light));
     let pixels = of_pixels.into_iter().map(|(light, _)| encoded(exposure * light)).collect();
-    Picture::of(frame.size, pixels, Statistics { seen_ratio, ..Statistics::default() })
+    Ok(Picture::of(frame.size, pixels, Statistics { seen_ratio, ..Statistics::default() }))
 }
 
 /// Returns the factor that makes a dark picture light enough. It has few values, so that pictures of two files that show

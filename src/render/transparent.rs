@@ -4,14 +4,13 @@
 //! number of surfaces. With colours that weigh 1/1024 each, that is their mean with the opacity N / (N + 32). Opacities are
 //! multiplied by what makes the densest pixels opaque; the rest is a checkered ground. The thesis steps from hit to hit and so misses surfaces in one place; here all are found at once.
 
-use std::cmp::Ordering;
-
 use glam::{Vec3, Vec4};
 
 use super::colour::encoded;
-use super::frame::Frame;
-use super::{Picture, Renderer, Statistics, Values};
-use crate::verify::Hit;
+use super::frame::{Frame, Sample};
+use super::probe::{Probe, Tracing};
+use super::{Picture, Statistics, Unit, Values};
+use crate::verify::{DeviceError, Hit};
 
 /// Largest number of surfaces per ray.
 const MOST_HITS: usize = 1024;
@@ -24,32 +23,25 @@ const SQUARE: u32 = 12;
 const GROUND: [f32; 2] = [0.92, 0.86];
 
 /// Draws all surfaces on each ray, in the colours of their instances.
-pub(super) fn picture(renderer: &Renderer, frame: &Frame, colours: &[Vec3]) -> Picture {
-    let tracer = renderer.tracer();
-    let of_pixels = frame.each(
-        || (tracer.probe(), Vec::new()),
-        |(probe, hits), pixel| {
-            let (mut sum, mut count, mut seen) = (Vec4::ZERO, 0, 0u32);
-            for sample in frame.samples_of(pixel) {
-                hits.clear();
-                // No hit is accepted, so all are found.
-                probe.closest(&sample.ray, |hit| {
-                    hits.push(*hit);
-                    false
-                });
-                hits.sort_unstable_by(nearer);
-                hits.truncate(MOST_HITS);
-                sum += weighed(hits, colours);
-                count += hits.len();
-                seen += u32::from(!hits.is_empty());
-            }
-            (sum / frame.samples as f32, count, seen)
-        },
-    );
+pub(super) fn picture(frame: &Frame, tracing: &Tracing, colours: &[Vec3]) -> Result<Picture, DeviceError> {
+    let of_sample = |probe: &mut Probe, sample: &Sample| {
+        let mut hits = Vec::new();
+        probe.all(&sample.ray, &mut hits);
+        hits.truncate(MOST_HITS);
+        (weighed(&hits, colours), hits.len())
+    };
+    let of_pixel = |samples: &mut dyn Iterator<Item = (Vec4, usize)>| {
+        let (mut sum, mut count, mut seen) = (Vec4::ZERO, 0, 0u32);
+        for (colour, hits) in samples {
+            (sum, count, seen) = (sum + colour, count + hits, seen + u32::from(hits > 0));
+        }
+        (sum / frame.samples as f32, count, seen)
+    };
+    let of_pixels = frame.each(tracing, of_sample, of_pixel)?;
     let rays = f64::from(frame.samples);
-    let seen: u64 = of_pixels.iter().map(|(_, _, seen)| u64::from(*seen)).sum();
-    let values = Values::of(of_pixels.iter().map(|(_, count, _)| *count as f64 / rays), MOST_HITS as f64);
-    let seen_ratio = seen as f64 / (of_pixels.len() as f64 * rays);
+    let values =
+        Values::of(of_pixels.iter().map(|(_, count, _)| *count as f64 / rays), MOST_HITS as f64, Unit::Surfaces);
+    let seen_ratio = frame.seen_ratio(of_pixels.iter().map(|(.., seen)| *seen));
     let statistics = Statistics { seen_ratio, values: Some(values), ..Statistics::default() };
     let densest = densest(of_pixels.iter().map(|(colour, ..)| colour.w).collect());
     let over_ground = |(pixel, (colour, ..)): (usize, &(Vec4, usize, u32))| {
@@ -57,7 +49,7 @@ pub(super) fn picture(renderer: &Renderer, frame: &Frame, colours: &[Vec3]) -> P
         let mean = if colour.w > 0.0 { colour.truncate() / colour.w } else { Vec3::ZERO };
         encoded(ground(frame, pixel).lerp(mean, opacity))
     };
-    Picture::of(frame.size, of_pixels.iter().enumerate().map(over_ground).collect(), statistics)
+    Ok(Picture::of(frame.size, of_pixels.iter().enumerate().map(over_ground).collect(), statistics))
 }
 
 /// Returns the opacity that few pixels exceed; 1 if none has any.
@@ -66,10 +58,6 @@ fn densest(mut opacities: Vec<f32>) -> f32 {
     let few = (FEW * opacities.len() as f64) as usize;
     let densest = opacities.iter().rev().nth(few).copied().unwrap_or(0.0);
     if densest > 0.0 { densest } else { 1.0 }
-}
-
-fn nearer(a: &Hit, b: &Hit) -> Ordering {
-    a.t.total_cmp(&b.t).then((a.instance, a.triangle).cmp(&(b.instance, b.triangle)))
 }
 
 /// Returns the mean colour of hits times their opacity, and the opacity.

@@ -35,6 +35,8 @@ pub struct Device {
     pub missing: Vec<String>,
     /// Supported extensions for ray tracing.
     pub extensions: Vec<String>,
+    /// Whether shaders can read a clock: then `render --view heatmap` measures time.
+    pub has_clock: bool,
     /// Its limits; `None` if it cannot trace rays.
     pub limits: Option<DeviceLimits>,
     /// Device memory.
@@ -105,6 +107,7 @@ impl From<crate::verify::vulkan::DeviceInfo> for Device {
             is_software: info.is_software,
             missing: info.missing,
             extensions: info.extensions,
+            has_clock: info.has_clock,
         }
     }
 }

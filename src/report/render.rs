@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::words::grouped;
-use crate::render::{Camera, Cause, Differences, Picture, Statistics};
+use crate::render::{Camera, Cause, Differences, Picture, Statistics, Unit};
+use crate::verify::{Note, WhyCpu};
 
 /// Data of a picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -24,10 +25,14 @@ pub struct RenderReport {
     pub view: &'static str,
     /// Description of the camera.
     pub camera: String,
+    /// Name of the device that traced the rays.
+    pub device: String,
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// What was measured while the picture was drawn.
     pub statistics: Statistics,
+    /// What was done otherwise than asked.
+    pub notes: Vec<String>,
     /// What the reader repaired or omitted, and images that could not be decoded.
     pub warnings: Vec<String>,
 }
@@ -54,8 +59,10 @@ impl RenderReport {
             after: None,
             view,
             camera: camera.name().to_owned(),
+            device: "CPU".to_owned(),
             size: [picture.width, picture.height],
             statistics: picture.statistics.clone(),
+            notes: Vec::new(),
             warnings,
         }
     }
@@ -65,11 +72,23 @@ impl RenderReport {
         RenderReport { after: Some(after.to_owned()), ..self }
     }
 
+    /// The same, with rays traced by a device, or by the CPU if it is `None`. That there is no GPU is not noted, since the
+    /// CPU is the default; that one failed is.
+    pub fn traced_on(self, device: Option<String>, notes: &[Note]) -> RenderReport {
+        let failed = notes.iter().filter(|note| matches!(note, Note::OnCpu(WhyCpu::Failed(_))));
+        let mut notes: Vec<String> = failed.map(Note::to_string).collect();
+        let has_steps = self.statistics.values.is_some_and(|values| values.unit == Unit::Steps);
+        notes.extend(device.as_ref().filter(|_| has_steps).map(|device| {
+            format!("{device} has no clock for shaders (VK_KHR_shader_clock): the heat map shows steps on the CPU")
+        }));
+        RenderReport { device: device.unwrap_or(self.device), notes, ..self }
+    }
+
     /// Returns the report as text.
     pub fn text(&self) -> String {
         let Statistics { seen_ratio, values, steps, boxes, differences } = &self.statistics;
         let [width, height] = self.size;
-        let mut text = format!("{}, {width}x{height} pixels, {}\n", self.view, self.camera);
+        let mut text = format!("{}, {width}x{height} pixels, {}, traced on {}\n", self.view, self.camera, self.device);
         if let Some(steps) = steps {
             let (tlas, entries) = (steps.tlas_nodes, steps.entries);
             let _ = writeln!(
@@ -79,13 +98,15 @@ impl RenderReport {
             );
         }
         if let Some(values) = values {
-            let _ = writeln!(text, "mean {:.2}, largest {:.0}, scale 0 to {}", values.mean, values.max, values.scale);
+            let (mean, max, unit) = (values.mean, values.max, values.unit.name());
+            let _ = writeln!(text, "{unit}: mean {mean:.2}, largest {max:.0}, scale 0 to {}", values.scale);
         }
         boxes.iter().for_each(|&count| text += &format!("boxes: {}\n", grouped(count)));
         differences.iter().for_each(|differences| text += &self.differences(differences));
         if *seen_ratio == 0.0 && boxes.is_none() {
             text += "warning: the camera sees nothing of the scene\n";
         }
+        self.notes.iter().for_each(|note| text += &format!("note: {note}\n"));
         self.warnings.iter().for_each(|warning| text += &format!("warning: {warning}\n"));
         text
     }

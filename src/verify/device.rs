@@ -9,6 +9,9 @@ use super::{
 };
 use serde::Serialize;
 
+use super::batch::BatchTracer;
+#[cfg(feature = "vulkan")]
+use super::build::BuildOptions;
 use super::{Exact, Note, Sides, Verification, VerifyOptions, verify_on_cpu};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
@@ -39,10 +42,22 @@ impl From<&str> for DeviceChoice {
     }
 }
 
-/// A requested device cannot be used; holds the reason.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("--device: {0}")]
-pub struct DeviceError(String);
+/// A requested device cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("--device: {reason}")]
+pub struct DeviceError {
+    reason: String,
+    /// Whether the scene is too large for it.
+    lacks_room: bool,
+}
+
+#[cfg(feature = "vulkan")]
+impl From<Error> for DeviceError {
+    fn from(error: Error) -> DeviceError {
+        let lacks_room = matches!(error, Error::OutOfMemory { .. } | Error::Limit { .. });
+        DeviceError { reason: error.to_string(), lacks_room }
+    }
+}
 
 /// The kind of a [`Machine`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -99,8 +114,7 @@ impl Machine {
             DeviceChoice::Name(name) => Wanted::Name(name.clone()),
         };
         let device = Vulkan::load(Options::from_env()).and_then(|vulkan| vulkan.open(&wanted));
-        let device = device.map_err(|e| DeviceError(e.to_string()))?;
-        Ok(Machine { device: Some(device), named: true, notes: Vec::new() })
+        Ok(Machine { device: Some(device?), named: true, notes: Vec::new() })
     }
 
     /// Returns the name and kind of the device.
@@ -148,15 +162,56 @@ impl Machine {
                 notes.extend(note);
                 found
             }
-            Some(Err(e)) if !self.named || matches!(e, Error::OutOfMemory { .. } | Error::Limit { .. }) => {
-                notes.push(Note::OnCpu(WhyCpu::Failed(e.to_string())));
+            Some(Err(e)) => {
+                notes.push(self.excused(e.into())?);
                 verify_on_cpu(scenes, trees, exact, options)
             }
-            Some(Err(e)) => return Err(DeviceError(e.to_string())),
         };
         let notes = [notes, found.notes].concat();
         Ok(Verification { notes, ..found })
     }
+
+    /// Draws with the device's tracers of some scenes, or with none on the CPU; returns also what was done otherwise than
+    /// asked. If the device cannot handle the scenes, the CPU does.
+    ///
+    /// # Errors
+    /// See [`Machine::verify`].
+    pub fn draw_with<R>(
+        &self,
+        scenes: &[&Scene],
+        mut draw: impl FnMut(&[&dyn BatchTracer]) -> Result<R, DeviceError>,
+    ) -> Result<(R, Vec<Note>), DeviceError> {
+        let mut notes = self.notes.clone();
+        let Some(device) = &self.device else { return Ok((draw(&[])?, notes)) };
+        match draw_on(device, scenes, &mut draw) {
+            Ok(drawn) => Ok((drawn, notes)),
+            Err(e) => {
+                notes.push(self.excused(e)?);
+                Ok((draw(&[])?, notes))
+            }
+        }
+    }
+
+    /// Returns the note on a failure of the device after which the CPU takes over.
+    ///
+    /// # Errors
+    /// The failure itself, if the device was requested and the scene is not too large for it.
+    fn excused(&self, failure: DeviceError) -> Result<Note, DeviceError> {
+        if self.named && !failure.lacks_room { Err(failure) } else { Ok(Note::OnCpu(WhyCpu::Failed(failure.reason))) }
+    }
+}
+
+#[cfg(feature = "vulkan")]
+fn draw_on<R>(
+    device: &Device,
+    scenes: &[&Scene],
+    draw: &mut impl FnMut(&[&dyn BatchTracer]) -> Result<R, DeviceError>,
+) -> Result<R, DeviceError> {
+    let pipelines = Pipelines::new(device)?;
+    let build = |scene: &&Scene| VulkanTracer::new(&pipelines, scene, BuildOptions::default());
+    let tracers = scenes.iter().map(build).collect::<Result<Vec<_>, _>>()?;
+    let tracers: Vec<&dyn BatchTracer> = tracers.iter().map(|tracer| tracer as &dyn BatchTracer).collect();
+    draw(&tracers)
 }
 
 #[cfg(feature = "vulkan")]
@@ -214,7 +269,10 @@ impl Machine {
     pub fn open(choice: &DeviceChoice) -> Result<Machine, DeviceError> {
         match choice {
             DeviceChoice::Auto | DeviceChoice::Cpu => Ok(Machine { notes: Vec::new() }),
-            _ => Err(DeviceError("this program was built without Vulkan; use `auto` or `cpu`".into())),
+            _ => {
+                let reason = "this program was built without Vulkan; use `auto` or `cpu`".into();
+                Err(DeviceError { reason, lacks_room: false })
+            }
         }
     }
 
@@ -241,6 +299,18 @@ impl Machine {
         options: &VerifyOptions,
     ) -> Result<Verification, DeviceError> {
         Ok(Verification { notes: self.notes.clone(), ..verify_on_cpu(scenes, trees, exact, options) })
+    }
+
+    /// Draws on the CPU.
+    ///
+    /// # Errors
+    /// None of its own.
+    pub fn draw_with<R>(
+        &self,
+        _scenes: &[&Scene],
+        mut draw: impl FnMut(&[&dyn BatchTracer]) -> Result<R, DeviceError>,
+    ) -> Result<(R, Vec<Note>), DeviceError> {
+        Ok((draw(&[])?, self.notes.clone()))
     }
 }
 

@@ -6,6 +6,7 @@
 
 pub mod accuracy;
 pub mod approach;
+pub mod batch;
 pub mod build;
 pub mod check_hits;
 pub mod compare;
@@ -156,6 +157,14 @@ pub struct Hit {
     pub triangle: u32,
     /// Whether the front is hit, by glTF's rule: the side on which the corners run counter-clockwise in the mesh.
     pub front: bool,
+}
+
+impl Hit {
+    /// Orders hits of a ray by distance; ties by instance and triangle.
+    pub(crate) fn nearer(&self, other: &Hit) -> std::cmp::Ordering {
+        let place = |hit: &Hit| (hit.instance, hit.triangle);
+        self.t.total_cmp(&other.t).then(place(self).cmp(&place(other)))
+    }
 }
 
 /// Verifies `after`, the written file, against `before`, the input, on the CPU.

@@ -12,6 +12,7 @@ mod dependencies;
 mod determinism;
 #[cfg(feature = "vulkan")]
 mod device_hits;
+mod device_pictures;
 #[cfg(feature = "vulkan")]
 mod devices;
 #[cfg(target_os = "linux")]

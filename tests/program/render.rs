@@ -46,7 +46,7 @@ fn bad_input_is_one_error_and_leaves_nothing_behind() {
         gltf(CORNERS, [0, 1, 2], |json| json["scenes"][0]["nodes"] = serde_json::json!([])),
     );
     let png = folder.path().join("out.png");
-    let cases: [(&Path, &Path, &[&str], &str); 18] = [
+    let cases: [(&Path, &Path, &[&str], &str); 19] = [
         (&scene, &png, &["--view", "difference"], "takes two scenes"),
         (&scene, &png, &[scene.to_str().expect("UTF-8")], "difference only"),
         (&scene, &png, &["--depth", "3"], "boxes only"),
@@ -61,6 +61,7 @@ fn bad_input_is_one_error_and_leaves_nothing_behind() {
         (&scene, &png, &["--camera", "1,1,1,0,0,0,180"], "below 180"),
         (&scene, &png, &["--camera", "front"], "it has none at all"),
         (&scene, &png, &["--view", "sideways"], "sideways"),
+        (&scene, &png, &["--device", "no such device"], "no such device"),
         (&scene, &folder.path().join("out.jpg"), &[], ".png"),
         (&scene, &folder.path().join("absent/out.png"), &[], "there is no folder"),
         (&empty, &png, &[], "no triangles"),

@@ -71,7 +71,7 @@ impl Device {
         let physical = loaded.physical_devices()?[info.index];
         let lacks_queue = || Error::CannotTrace { device: info.name.clone(), missing: "a compute queue".into() };
         let family = queue_family(&loaded.instance, physical).ok_or_else(lacks_queue)?;
-        let handle = create(&loaded.instance, physical, family, &info.name)?;
+        let handle = create(&loaded.instance, physical, family, &info)?;
         // SAFETY: the physical device belongs to the instance.
         let core = unsafe { loaded.instance.get_physical_device_properties(physical) };
         // SAFETY: as above.
@@ -147,22 +147,27 @@ fn create(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     family: QueueFamily,
-    name: &str,
+    device: &DeviceInfo,
 ) -> Result<ash::Device, Error> {
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family.index).queue_priorities(&[1.0])];
-    let extensions = NEEDED.map(|e| e.as_ptr());
+    let clock_name = device.has_clock.then_some(khr::shader_clock::NAME);
+    let extensions: Vec<_> = NEEDED.into_iter().chain(clock_name).map(|e| e.as_ptr()).collect();
+    let mut clock = vk::PhysicalDeviceShaderClockFeaturesKHR::default().shader_subgroup_clock(true);
     let mut structures = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
     let mut pipelines = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
     let mut addresses = vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true);
-    let info = vk::DeviceCreateInfo::default()
+    let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_extension_names(&extensions)
         .push_next(&mut structures)
         .push_next(&mut pipelines)
         .push_next(&mut addresses);
+    if device.has_clock {
+        info = info.push_next(&mut clock);
+    }
     // SAFETY: the device has these extensions, features and queues; all arguments outlive the call.
     unsafe { instance.create_device(physical, &info, None) }
-        .map_err(|e| Error::call(&format!("opening the device `{name}`"), 0, e))
+        .map_err(|e| Error::call(&format!("opening the device `{}`", device.name), 0, e))
 }
 
 impl Drop for Device {
@@ -189,6 +194,7 @@ mod tests {
             is_software,
             extensions: Vec::new(),
             missing: missing.iter().map(|m| m.to_string()).collect(),
+            has_clock: false,
             limits: Limits::default(),
             heaps: Vec::new(),
         }

@@ -32,6 +32,8 @@ pub struct DeviceInfo {
     pub extensions: Vec<String>,
     /// Extensions and features it lacks for tracing rays; empty if it can trace.
     pub missing: Vec<String>,
+    /// Whether shaders can read a clock (`VK_KHR_shader_clock`), by which the time of each ray is measured.
+    pub has_clock: bool,
     /// Limits relevant to ray tracing.
     pub limits: Limits,
     /// Memory heaps.
@@ -112,6 +114,7 @@ pub(super) fn describe(
         is_software: core.device_type == vk::PhysicalDeviceType::CPU,
         extensions,
         missing: Vec::new(),
+        has_clock: false,
         limits: Limits::default(),
         heaps: heaps(instance, device),
     };
@@ -122,6 +125,7 @@ pub(super) fn describe(
         info.missing.push("Vulkan 1.2".into());
     }
     if info.can_trace() {
+        info.has_clock = has_clock(instance, device, &info.extensions);
         info.limits = limits(instance, device, &core.limits);
     }
     info.extensions.retain(|e| RAY_TRACING_WORDS.iter().any(|w| e.contains(w)));
@@ -183,6 +187,18 @@ fn missing_features(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec
         ("bufferDeviceAddress", addresses.buffer_device_address),
     ];
     needed.into_iter().filter(|(_, has)| *has == vk::FALSE).map(|(name, _)| name).collect()
+}
+
+/// Whether shaders can read the clock of their subgroup.
+fn has_clock(instance: &ash::Instance, device: vk::PhysicalDevice, extensions: &[String]) -> bool {
+    let mut clock = vk::PhysicalDeviceShaderClockFeaturesKHR::default();
+    if extensions.binary_search(&lossy(khr::shader_clock::NAME)).is_err() {
+        return false;
+    }
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut clock);
+    // SAFETY: see `describe`; the device has the extension of the structure.
+    unsafe { instance.get_physical_device_features2(device, &mut features) };
+    clock.shader_subgroup_clock == vk::TRUE
 }
 
 /// Returns the first queue family that supports compute and timestamps.

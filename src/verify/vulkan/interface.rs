@@ -25,6 +25,14 @@ pub(super) struct Hit {
     pub(super) any_hits: u32,
 }
 
+/// Result of timing a ray alone.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Clocked {
+    pub(super) ticks: u32,
+    pub(super) is_hit: u32,
+}
+
 /// Parameters of a launch: the push constants.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -36,8 +44,8 @@ pub(super) struct Work {
     pub(super) ray_flags: u32,
     /// Device units per ray unit, a power of two.
     pub(super) scale: f32,
-    /// Explicit, so that no byte is undefined.
-    pub(super) padding: u32,
+    /// Hits kept per ray, if all are.
+    pub(super) kept_hits: u32,
     pub(super) alpha: u64,
     pub(super) first_geometries: u64,
 }

@@ -7,12 +7,13 @@
 //! The only requirements are the extensions `VK_KHR_acceleration_structure` and `VK_KHR_ray_tracing_pipeline` and
 //! buffer addresses. All unsafe code of the program is in this folder. Files, in order of dependency: `error`,
 //! `instance`, `info`, `device`, `commands`, `memory`, `transfer`, `accel`, `interface`, `alpha`, `pipeline`, `trace`,
-//! `tracer`, `frames`.
+//! `tracer`, `frames`, `batch`.
 
 #![allow(unsafe_code)]
 
 mod accel;
 mod alpha;
+mod batch;
 mod commands;
 mod device;
 mod error;

@@ -1,4 +1,5 @@
-//! The two ray tracing pipelines: one returns complete hits, the other as little as timing needs.
+//! The ray tracing pipelines: one returns complete hits, one as little as timing needs, one all hits of each ray, and one
+//! the time of each ray.
 
 use std::io::Cursor;
 
@@ -19,14 +20,20 @@ pub(super) struct Shaders {
     any_hit: &'static [u8],
 }
 
+macro_rules! shader {
+    ($name:literal, $stage:literal) => {
+        include_bytes!(concat!("../../../shaders/", $name, ".", $stage, ".spv"))
+    };
+}
+
 macro_rules! shaders {
     ($name:literal) => {
         Shaders {
             name: $name,
-            generate: include_bytes!(concat!("../../../shaders/", $name, ".rgen.spv")),
-            miss: include_bytes!(concat!("../../../shaders/", $name, ".rmiss.spv")),
-            closest_hit: include_bytes!(concat!("../../../shaders/", $name, ".rchit.spv")),
-            any_hit: include_bytes!(concat!("../../../shaders/", $name, ".rahit.spv")),
+            generate: shader!($name, "rgen"),
+            miss: shader!($name, "rmiss"),
+            closest_hit: shader!($name, "rchit"),
+            any_hit: shader!($name, "rahit"),
         }
     };
 }
@@ -35,6 +42,11 @@ macro_rules! shaders {
 pub(super) const HITS: Shaders = shaders!("hits");
 /// Shaders that write one word per ray.
 pub(super) const TIMING: Shaders = shaders!("timing");
+/// Shaders that write up to [`Work::kept_hits`] hits per ray.
+pub(super) const ALL: Shaders =
+    Shaders { name: "all", generate: shader!("all", "rgen"), any_hit: shader!("all", "rahit"), ..HITS };
+/// Shaders that write one [`super::interface::Clocked`] per ray, for devices with a clock.
+pub(super) const CLOCK: Shaders = Shaders { name: "clock", generate: shader!("clock", "rgen"), ..HITS };
 
 /// A pipeline and its shader binding table.
 pub(super) struct Pipeline<'d> {

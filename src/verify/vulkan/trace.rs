@@ -1,6 +1,6 @@
 //! Traces rays through the acceleration structures of a scene.
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 
 use ash::vk;
 
@@ -11,7 +11,7 @@ use super::commands::Timer;
 use super::device::Device;
 use super::interface;
 use super::memory::{Buffer, Purpose};
-use super::pipeline::{HITS, Pipeline, TIMING};
+use super::pipeline::{ALL, CLOCK, HITS, Pipeline, Shaders, TIMING};
 use super::transfer::{Uploader, download};
 use crate::scene::Scene;
 use crate::verify::rays::Ray;
@@ -23,12 +23,12 @@ const RAYS_PER_PART: usize = 1 << 23;
 /// Rays in device memory, for use by any tracer of that device.
 pub struct RayBuffer<'d> {
     device: &'d Device,
-    parts: Vec<Part<'d>>,
+    pub(super) parts: Vec<Part<'d>>,
 }
 
-struct Part<'d> {
+pub(super) struct Part<'d> {
     rays: Buffer<'d>,
-    count: u64,
+    pub(super) count: u64,
 }
 
 impl RayBuffer<'_> {
@@ -79,6 +79,10 @@ pub struct Pipelines<'d> {
     device: &'d Device,
     hits: Pipeline<'d>,
     timing: Pipeline<'d>,
+    /// Created for the first picture that needs it.
+    all: OnceCell<Pipeline<'d>>,
+    /// Likewise.
+    clock: OnceCell<Pipeline<'d>>,
     textures: Textures<'d>,
     timer: Timer<'d>,
 }
@@ -93,9 +97,29 @@ impl<'d> Pipelines<'d> {
             device,
             hits: Pipeline::new(device, &HITS)?,
             timing: Pipeline::new(device, &TIMING)?,
+            all: OnceCell::new(),
+            clock: OnceCell::new(),
             textures: Textures::new(device),
             timer: Timer::new(device)?,
         })
+    }
+
+    /// Returns the pipeline that finds all hits.
+    pub(super) fn all(&self) -> Result<&Pipeline<'d>, Error> {
+        self.created(&self.all, &ALL)
+    }
+
+    /// Returns the pipeline that times each ray; only for devices with a clock.
+    pub(super) fn clock(&self) -> Result<&Pipeline<'d>, Error> {
+        self.created(&self.clock, &CLOCK)
+    }
+
+    fn created<'p>(&self, cell: &'p OnceCell<Pipeline<'d>>, shaders: &Shaders) -> Result<&'p Pipeline<'d>, Error> {
+        if let Some(pipeline) = cell.get() {
+            return Ok(pipeline);
+        }
+        let pipeline = Pipeline::new(self.device, shaders)?;
+        Ok(cell.get_or_init(|| pipeline))
     }
 
     /// Returns the device of the pipelines.
@@ -116,12 +140,12 @@ pub struct Traced {
 
 /// The acceleration structures of a scene on a device, ready to be traced.
 pub struct VulkanTracer<'p, 'd> {
-    pipelines: &'p Pipelines<'d>,
+    pub(super) pipelines: &'p Pipelines<'d>,
     tlas: Tlas<'d>,
     /// The TLAS refers to them.
     blases: Blases<'d>,
     alpha: AlphaTests<'d>,
-    identity: Identity,
+    pub(super) identity: Identity,
     report: BuildReport,
     /// Number of any-hit shader invocations during a verification.
     pub(super) any_hits: Cell<u64>,
@@ -182,7 +206,7 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         let results = self.results(rays, size_of::<interface::Hit>() as u64)?;
         for part in &rays.parts {
             self.device().submit(&format!("tracing {} rays", part.count), |commands| {
-                self.record(commands, &self.pipelines.hits, tlas, part, &results, any_hit);
+                self.record(commands, &self.pipelines.hits, tlas, part, &results, Launch::until_first(any_hit));
             })?;
             download(self.device(), &results, part.count as usize, |hit: &interface::Hit| {
                 traced.any_hit_invocations += u64::from(hit.any_hits);
@@ -236,7 +260,7 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         any_hit: bool,
     ) {
         for part in &rays.parts {
-            self.record(commands, &self.pipelines.timing, tlas, part, results, any_hit);
+            self.record(commands, &self.pipelines.timing, tlas, part, results, Launch::until_first(any_hit));
         }
     }
 
@@ -244,6 +268,11 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
     pub(super) fn results_of(&self, rays: &PerKind<RayBuffer<'_>>) -> Result<Buffer<'d>, Error> {
         let most = rays.values().max_by_key(|rays| rays.most_in_part());
         self.results(most.unwrap_or_else(|| unreachable!("there are kinds of rays")), size_of::<u32>() as u64)
+    }
+
+    /// Returns the device address of the tracer's own TLAS.
+    pub(super) fn tlas_address(&self) -> u64 {
+        self.tlas.address()
     }
 
     /// Returns the BLASes, to replace some. The TLAS of the tracer itself must not be traced then.
@@ -261,31 +290,30 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
         self.pipelines.device
     }
 
-    /// Allocates results for one part at a time.
-    fn results(&self, rays: &RayBuffer<'_>, element: u64) -> Result<Buffer<'d>, Error> {
+    /// Allocates results for one part at a time; `element` is their size per ray, in bytes.
+    pub(super) fn results(&self, rays: &RayBuffer<'_>, element: u64) -> Result<Buffer<'d>, Error> {
         assert!(std::ptr::eq(self.device(), rays.device), "rays and structures are on the same device");
         let most = rays.most_in_part();
         Buffer::new(self.device(), &format!("the results of {most} rays"), most * element, Purpose::ShaderData)
     }
 
-    fn record(
+    pub(super) fn record(
         &self,
         commands: vk::CommandBuffer,
         pipeline: &Pipeline<'d>,
         tlas: u64,
         part: &Part<'_>,
         results: &Buffer<'d>,
-        any_hit: bool,
+        launch: Launch,
     ) {
-        let flags = if any_hit { TERMINATE_ON_FIRST_HIT } else { 0 };
         let work = interface::Work {
             scene: tlas,
             rays: part.rays.address,
             results: results.address,
             first: 0,
-            ray_flags: flags,
+            ray_flags: launch.ray_flags,
             scale: self.identity.scale as f32,
-            padding: 0,
+            kept_hits: launch.kept_hits,
             alpha: self.alpha.geometries,
             first_geometries: self.alpha.first_geometries,
         };
@@ -293,11 +321,30 @@ impl<'p, 'd> VulkanTracer<'p, 'd> {
     }
 }
 
-/// Value of `gl_RayFlagsTerminateOnFirstHitEXT`.
-const TERMINATE_ON_FIRST_HIT: u32 = 4;
+/// How rays are traced.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Launch {
+    ray_flags: u32,
+    /// Hits kept per ray, if all are.
+    kept_hits: u32,
+}
+
+impl Launch {
+    /// To the closest hit, or with `any_hit` to the first one found.
+    fn until_first(any_hit: bool) -> Launch {
+        // The value of `gl_RayFlagsTerminateOnFirstHitEXT`.
+        Launch { ray_flags: if any_hit { 4 } else { 0 }, kept_hits: 0 }
+    }
+
+    /// Through all hits.
+    pub(super) fn through(kept_hits: u32) -> Launch {
+        // The value of `gl_RayFlagsNoOpaqueEXT`: opaque triangles are announced, too.
+        Launch { ray_flags: 2, kept_hits }
+    }
+}
 
 /// Maps the device's identification of a triangle to the scene's.
-struct Identity {
+pub(super) struct Identity {
     /// Device units per ray unit.
     scale: f64,
     /// The scene instance and the group of each TLAS entry.
@@ -315,7 +362,7 @@ impl Identity {
         Identity { scale: plan.scales.world, entries, groups, first_triangles }
     }
 
-    fn hit(&self, found: &interface::Hit) -> Option<Hit> {
+    pub(super) fn hit(&self, found: &interface::Hit) -> Option<Hit> {
         if found.t < 0.0 {
             return None;
         }

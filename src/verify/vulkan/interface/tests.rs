@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::{AlphaGeometry, Hit, Ray, Work};
+use super::{AlphaGeometry, Clocked, Hit, Ray, Work};
 
 /// Version of the compiler that made the committed files, as printed by `glslangValidator --version`.
 const COMPILER: &str = "Glslang Version: 11:12.0.0";
@@ -77,7 +77,7 @@ fn assert_members(module: &str, of: &str, expected: &[(&str, usize)]) {
 
 #[test]
 fn offsets_agree_with_the_shaders() {
-    for module in ["hits.rgen.spv", "timing.rgen.spv"] {
+    for module in ["hits.rgen.spv", "timing.rgen.spv", "all.rgen.spv", "clock.rgen.spv"] {
         assert_members(
             module,
             "Ray",
@@ -98,6 +98,7 @@ fn offsets_agree_with_the_shaders() {
                 ("first", offset_of!(Work, first)),
                 ("ray_flags", offset_of!(Work, ray_flags)),
                 ("scale", offset_of!(Work, scale)),
+                ("kept_hits", offset_of!(Work, kept_hits)),
                 ("alpha", offset_of!(Work, alpha)),
                 ("first_geometries", offset_of!(Work, first_geometries)),
             ],
@@ -116,18 +117,22 @@ fn offsets_agree_with_the_shaders() {
             ("cutoff", offset_of!(AlphaGeometry, cutoff)),
         ],
     );
-    assert_members(
-        "hits.rgen.spv",
-        "Hit",
-        &[
-            ("t", offset_of!(Hit, t)),
-            ("entry", offset_of!(Hit, entry)),
-            ("geometry", offset_of!(Hit, geometry)),
-            ("primitive", offset_of!(Hit, primitive)),
-            ("front", offset_of!(Hit, front)),
-            ("any_hits", offset_of!(Hit, any_hits)),
-        ],
-    );
+    let clocked = [("ticks", offset_of!(Clocked, ticks)), ("is_hit", offset_of!(Clocked, is_hit))];
+    assert_members("clock.rgen.spv", "Clocked", &clocked);
+    for module in ["hits.rgen.spv", "all.rgen.spv", "all.rahit.spv"] {
+        assert_members(
+            module,
+            "Hit",
+            &[
+                ("t", offset_of!(Hit, t)),
+                ("entry", offset_of!(Hit, entry)),
+                ("geometry", offset_of!(Hit, geometry)),
+                ("primitive", offset_of!(Hit, primitive)),
+                ("front", offset_of!(Hit, front)),
+                ("any_hits", offset_of!(Hit, any_hits)),
+            ],
+        );
+    }
 }
 
 /// Returns the array strides in a module.
@@ -168,7 +173,7 @@ fn the_committed_spirv_is_what_the_sources_give() {
     assert!(status.success());
     let (committed, rebuilt) = (compiled_in(&shaders()), compiled_in(built.path()));
     assert_eq!(committed.keys().collect::<Vec<_>>(), rebuilt.keys().collect::<Vec<_>>());
-    assert_eq!(committed.len(), 8);
+    assert_eq!(committed.len(), 11);
     for (name, module) in &committed {
         assert_eq!(offsets(module), offsets(&rebuilt[name]), "{name}");
         if version.lines().next() == Some(COMPILER) {

@@ -1,6 +1,7 @@
 //! Tests on a device with the validation layer: they fail without a device or if the layer reports anything.
 
 mod alpha;
+mod batch;
 mod brute_force;
 mod budget;
 mod builds;
