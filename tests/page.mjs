@@ -122,7 +122,7 @@ async function checkPane(page) {
 
 async function checkSliders(page) {
   const views = await page.$$eval('input[name="picture"]', (radios) => radios.map((radio) => radio.value));
-  assert.deepEqual(views, ['shaded', 'groups', 'heatmap']);
+  assert.deepEqual(views, ['shaded', 'groups', 'heatmap', 'overlap']);
   for (const view of views) {
     await page.check(`input[name="picture"][value="${view}"]`);
     const shown = await page.$$eval('.picture', (all) => all.filter((one) => one.checkVisibility()).map((one) => one.id));

@@ -48,7 +48,7 @@ pub fn inspect_and_show(
         device_error: DeviceError::of(&scene),
         warnings: doc.warnings.iter().chain(&warnings).map(ToString::to_string).collect(),
     };
-    Ok((report, show.then(|| Shown::of(&scene).with_pictures((&doc, &scene), None))))
+    Ok((report, show.then(|| Shown::of(&scene).with_pictures((&doc, &scene, &trees), None))))
 }
 
 /// The pairs of instances of the scene's core that overlap most, worst first.

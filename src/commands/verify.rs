@@ -93,7 +93,8 @@ pub fn compare_and_show(
         // They were dropped, as tracing needs the memory.
         let (doc_before, doc_after) = (raykiln_formats::read(before)?, raykiln_formats::read(after)?);
         let shown = Shown::of_both(&scene_before, &scene_after);
-        Ok(shown.with_pictures((&doc_before, &scene_before), Some((&doc_after, &scene_after))))
+        let after = (&doc_after, &scene_after, &trees_after);
+        Ok(shown.with_pictures((&doc_before, &scene_before, &trees_before), Some(after)))
     });
     Ok((report, shown.transpose()?))
 }

@@ -166,7 +166,7 @@ pub fn bake(
     let input = Input::of(path, bytes, &scene);
     let shown = source.map(|source| {
         clock.enter(Stage::Show);
-        tried.shown(source, &scene, output)
+        tried.shown(source, (&scene, &trees), output)
     });
     let shown = shown.transpose()?;
     let of_input = OfInput { before, findings, motion };
@@ -304,6 +304,8 @@ struct Tried {
     written: Written,
     /// The scene that was read back.
     after: Scene,
+    /// The trees of its meshes.
+    trees: MeshTrees,
     /// The metrics of `after`.
     metrics: Metrics,
     verification: Verification,
@@ -312,10 +314,15 @@ struct Tried {
 
 impl Tried {
     /// Gathers what a page shows. The documents, which have the textures, are read again, as tracing needed their memory.
-    fn shown(&self, source: Source, scene: &Scene, output: &Path) -> Result<Shown, raykiln_formats::Error> {
+    fn shown(
+        &self,
+        source: Source,
+        (scene, trees): (&Scene, &MeshTrees),
+        output: &Path,
+    ) -> Result<Shown, raykiln_formats::Error> {
         let doc = source.read()?;
         if self.written.unchanged {
-            return Ok(Shown::of(scene).with_pictures((&doc, scene), None));
+            return Ok(Shown::of(scene).with_pictures((&doc, scene, trees), None));
         }
         let mut doc_after = raykiln_formats::read(self.written.staged.path())?;
         if doc.path.parent() == output.parent() {
@@ -323,7 +330,7 @@ impl Tried {
             doc_after.path = output.to_owned();
         }
         let shown = Shown::of_both(scene, &self.after);
-        Ok(shown.with_pictures((&doc, scene), Some((&doc_after, &self.after))))
+        Ok(shown.with_pictures((&doc, scene, trees), Some((&doc_after, &self.after, &self.trees))))
     }
 
     /// Tries a layout; falls back to the unchanged input if the layout was chosen for its speed but turns out not to be
@@ -379,7 +386,7 @@ impl Tried {
             true => before.clone(),
             false => measure_with(&after, &after_trees, options.verify.build.blas_per),
         };
-        Ok(Tried { written, after, metrics, verification, verdict })
+        Ok(Tried { written, after, trees: after_trees, metrics, verification, verdict })
     }
 
     /// Whether the acceleration structures are predicted to be smaller than the input's, and rays are not slower beyond

@@ -5,17 +5,18 @@ use base64::engine::general_purpose::STANDARD;
 use raykiln_formats::Document;
 use serde::Serialize;
 
+use crate::cost::mesh_trees::MeshTrees;
 use crate::render::{Camera, CameraChoice, Costs, Picture, RenderError, RenderOptions, Renderer, View};
 use crate::report::words::counted;
 use crate::scene::Scene;
 
-/// Width and height in pixels: small, as a page has up to six pictures and is made in a few seconds.
+/// Width and height in pixels: small, as a page has up to eight pictures and is made in a few seconds.
 pub(super) const SIZE: [u32; 2] = [640, 360];
 /// Samples per pixel of shaded pictures.
 const SAMPLES: u32 = 4;
 
-/// A scene and the document that it was loaded from, which has the textures.
-pub type Drawn<'a> = (&'a Document, &'a Scene);
+/// A scene, the document that it was loaded from, which has the textures, and the trees of its meshes.
+pub type Drawn<'a> = (&'a Document, &'a Scene, &'a MeshTrees);
 
 /// Pictures of one view of the input and of the output.
 #[derive(Clone, Debug, Serialize)]
@@ -37,7 +38,7 @@ pub(super) struct Pair {
 /// # Errors
 /// [`RenderError::Empty`] if there is nothing to see.
 pub(super) fn of(before: Drawn, after: Option<Drawn>, size: [u32; 2]) -> Result<Vec<Pair>, RenderError> {
-    let renderer = |(doc, scene)| Renderer::new(doc, scene);
+    let renderer = |(doc, scene, trees)| Renderer::with_trees(doc, scene, trees);
     let (before, after) = (renderer(before)?, after.map(renderer).transpose()?);
     let camera = before.camera(&CameraChoice::Default)?;
     let both = Both { before, after, camera, size };
@@ -45,9 +46,10 @@ pub(super) fn of(before: Drawn, after: Option<Drawn>, size: [u32; 2]) -> Result<
     let caption = "One colour per group: a ray has to search each group whose box it enters.";
     let groups = both.pair(View::Groups, "groups", "Groups", caption)?;
     let heat = both.heat()?;
+    let overlap = both.overlap()?;
     let bad = both.bad_images();
     let note = if bad == 0 { String::new() } else { format!(" {} could not be read.", counted(bad, "image")) };
-    Ok(vec![Pair { caption: shaded.caption.clone() + &note, ..shaded }, groups, heat])
+    Ok(vec![Pair { caption: shaded.caption.clone() + &note, ..shaded }, groups, heat, overlap])
 }
 
 /// Both files and the camera.
@@ -78,13 +80,30 @@ impl Both<'_> {
         let scale = Costs::scale(&all);
         let draw = |costs: &Costs| costs.picture(options.colours, scale);
         let (before, after) = (draw(&before), after.as_ref().map(draw));
-        let mean = |picture: &Picture| picture.statistics.values.map_or(0.0, |values| values.mean);
-        let means = match &after {
-            Some(after) => format!("{:.1} per ray before, {:.1} after", mean(&before), mean(after)),
-            None => format!("{:.1} per ray", mean(&before)),
-        };
-        let caption = format!("What each ray costs on the CPU: nodes, entries and triangle tests, {means} on average.");
+        let means = means(&before, after.as_ref(), " per ray");
+        let caption = format!("What each ray costs on the CPU: nodes, entries and triangle tests; {means}.");
         Ok(Pair::of("heatmap", "Cost per pixel", caption, &before, after.as_ref()))
+    }
+
+    /// The boxes around what is seen, on one scale.
+    fn overlap(&self) -> Result<Pair, RenderError> {
+        let draw = |renderer: &Renderer, scale| {
+            let options = RenderOptions { size: self.size, scale, ..RenderOptions::default() };
+            renderer.picture(View::Overlap, &self.camera, &options)
+        };
+        let values = |picture: &Picture| picture.statistics.values.unwrap_or_default();
+        let (before, after) = (draw(&self.before, None)?, self.after.as_ref().map(|r| draw(r, None)).transpose()?);
+        let scale = after.as_ref().map_or(0.0, |after| values(after).scale).max(values(&before).scale);
+        let rescaled = |renderer, picture: Picture| {
+            if values(&picture).scale == scale { Ok(picture) } else { draw(renderer, Some(scale)) }
+        };
+        let before = rescaled(&self.before, before)?;
+        let after = self.after.as_ref().zip(after).map(|(r, picture)| rescaled(r, picture)).transpose()?;
+        let means = means(&before, after.as_ref(), "");
+        let caption = format!(
+            "The number of boxes of groups around each point that is seen: rays there enter all of them; {means}."
+        );
+        Ok(Pair::of("overlap", "Overlapping boxes", caption, &before, after.as_ref()))
     }
 
     fn bad_images(&self) -> usize {
@@ -108,6 +127,15 @@ impl Pair {
     }
 }
 
+/// Returns the mean values of a picture, or of one before and one after, each followed by `per`.
+fn means(before: &Picture, after: Option<&Picture>, per: &str) -> String {
+    let mean = |picture: &Picture| picture.statistics.values.map_or(0.0, |values| values.mean);
+    match after {
+        Some(after) => format!("on average {:.1}{per} before, {:.1} after", mean(before), mean(after)),
+        None => format!("on average {:.1}{per}", mean(before)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,9 +146,13 @@ mod tests {
     fn each_view_has_a_picture_of_each_file() {
         let doc = raykiln_formats::read(Path::new("samples/clean/scene.glb")).expect("a sample");
         let (scene, _) = load(&doc, &LoadOptions::default()).expect("a scene");
-        for (after, expected) in [(None, false), (Some((&doc, &scene)), true)] {
-            let pairs = of((&doc, &scene), after, [64, 36]).expect("something to see");
-            assert_eq!(pairs.iter().map(|pair| pair.id).collect::<Vec<_>>(), ["shaded", "groups", "heatmap"]);
+        let drawn = (&doc, &scene, &MeshTrees::build(&scene));
+        for (after, expected) in [(None, false), (Some(drawn), true)] {
+            let pairs = of(drawn, after, [64, 36]).expect("something to see");
+            assert_eq!(
+                pairs.iter().map(|pair| pair.id).collect::<Vec<_>>(),
+                ["shaded", "groups", "heatmap", "overlap"]
+            );
             for pair in pairs {
                 assert_eq!(pair.after.is_some(), expected, "{}", pair.id);
                 assert!(pair.after.is_none_or(|after| after == pair.before), "the same scene looks the same");
@@ -131,6 +163,6 @@ mod tests {
     #[test]
     fn nothing_has_no_picture() {
         let doc = raykiln_formats::read(Path::new("samples/clean/scene.glb")).expect("a sample");
-        assert!(of((&doc, &Scene::default()), None, [64, 36]).is_err());
+        assert!(of((&doc, &Scene::default(), &MeshTrees::default()), None, [64, 36]).is_err());
     }
 }
