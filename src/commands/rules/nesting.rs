@@ -99,24 +99,13 @@ fn placed_hash(node: &Node, subtree: Subtree) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_subject::found_in_document;
+    use super::super::test_subject::found_with_triangle;
     use super::*;
-    use crate::scene::LoadOptions;
 
     /// Nodes, of which the first is the root, that place two meshes.
     fn found(nodes: &str) -> Option<Finding> {
-        let bytes: &[u8] = bytemuck::cast_slice(&[[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-        let data: String = bytes.iter().map(|byte| format!("%{byte:02X}")).collect();
-        let json = format!(
-            r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{nodes}],
-            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}, {{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}],
-            "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}}],
-            "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
-            "buffers": [{{"byteLength": 36, "uri": "data:application/octet-stream,{data}"}}]}}"#
-        );
-        let doc = raykiln_formats::read_bytes("nested.gltf", json.into_bytes()).expect("valid glTF");
-        let (scene, _) = crate::scene::load(&doc, &LoadOptions::default()).expect("a scene");
-        found_in_document(&doc, &scene, check)
+        let mesh = r#"{"primitives": [{"attributes": {"POSITION": 0}}]}"#;
+        found_with_triangle(&format!(r#""nodes": [{nodes}], "meshes": [{mesh}, {mesh}]"#), check)
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::{Subject, findings};
 use crate::commands::measure::measure_as_is;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::report::Finding;
-use crate::scene::Scene;
+use crate::scene::{LoadOptions, Scene};
 
 /// A document that the scenes of tests are not made of: without nodes and materials.
 pub(super) fn no_document() -> Document {
@@ -36,6 +36,27 @@ pub(super) fn document(meshes: &[(u32, Vec<[Vec3; 3]>)]) -> Document {
         "materials": vec![json!({}); materials], "accessors": accessors, "bufferViews": views,
         "buffers": [{"byteLength": bytes.len(), "uri": format!("data:application/octet-stream,{data}")}]});
     raykiln_formats::read_bytes("meshes.gltf", json.to_string().into_bytes()).expect("valid glTF")
+}
+
+/// A document whose scene is the first node, and whose first accessor holds the corners of a triangle; `rest` are its
+/// nodes, meshes and materials.
+fn triangle_document(rest: &str) -> Document {
+    let bytes: &[u8] = bytemuck::cast_slice(&[[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let data: String = bytes.iter().map(|byte| format!("%{byte:02X}")).collect();
+    let json = format!(
+        r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], {rest},
+        "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}}],
+        "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
+        "buffers": [{{"byteLength": 36, "uri": "data:application/octet-stream,{data}"}}]}}"#
+    );
+    raykiln_formats::read_bytes("triangle.gltf", json.into_bytes()).expect("valid glTF")
+}
+
+/// Like [`found_in`], of a document with one triangle; `rest` are its nodes, meshes and materials.
+pub(super) fn found_with_triangle(rest: &str, check: fn(&Subject) -> Vec<Finding>) -> Option<Finding> {
+    let doc = triangle_document(rest);
+    let (scene, _) = crate::scene::load(&doc, &LoadOptions::default()).expect("a scene");
+    found_in_document(&doc, &scene, check)
 }
 
 /// The finding of one check; there must not be more than one.
