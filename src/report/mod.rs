@@ -23,7 +23,7 @@ mod verification;
 pub(crate) mod words;
 
 pub use devices::{Device, DeviceLimits, DevicesReport};
-pub(crate) use findings::{Broken, Objects};
+pub(crate) use findings::{Broken, Objects, compare_with_output};
 pub use findings::{Cost, FailOn, Finding, NoSuchRule, Rule, Severity, Work, to_sarif};
 pub use passes::Pass;
 pub use reported_options::{ReportedOptions, Speed};

@@ -58,7 +58,10 @@ fn findings_of_input(findings: &[Finding], verbose: bool) -> String {
     }
     let mut rules: Vec<String> = findings.iter().map(|f| format!("{} ({})", f.rule.id(), f.title)).collect();
     rules.dedup();
-    paragraph(&format!("findings about the input, in full with -v: {}", rules.join(", ")))
+    let mut gone: Vec<&str> = findings.iter().filter(|f| f.gone_after == Some(true)).map(|f| f.rule.id()).collect();
+    gone.dedup();
+    let gone = if gone.is_empty() { String::new() } else { format!("; gone in the output: {}", gone.join(", ")) };
+    paragraph(&format!("findings about the input, in full with -v: {}{gone}", rules.join(", ")))
 }
 
 /// Whether what moves can be refitted.
@@ -344,7 +347,12 @@ fn finding(f: &Finding) -> String {
     }
     text += &indented("costs", &f.cost.text);
     text += &indented("by hand", &f.by_hand);
-    text + &indented("bake", &f.by_bake)
+    text += &indented("bake", &f.by_bake);
+    match f.gone_after {
+        Some(true) => text + &indented("output", "the finding is gone"),
+        Some(false) => text + &indented("output", "the finding remains"),
+        None => text,
+    }
 }
 
 /// The names of the first objects of a finding, and how many there are beyond these.

@@ -146,7 +146,7 @@ pub fn bake(
     let blas_per = options.verify.build.blas_per;
     let trees = MeshTrees::build(&scene);
     let before = measure_with(&scene, &trees, blas_per);
-    let findings = rules::findings(&doc, &scene, &trees, before.as_bytes());
+    let mut findings = rules::findings(&doc, &scene, &trees, before.as_bytes());
     let motion = advice::advise(&doc, &scene)?;
     clock.enter(Stage::Optimise);
     let optimising = Instant::now();
@@ -159,6 +159,8 @@ pub fn bake(
     let (path, bytes, warnings) = (doc.path.clone(), doc.file_bytes(), [scene_warnings, doc.warnings.clone()].concat());
     let given = Given { doc, scene: &scene, staged, trees: &trees, metrics: &before };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
+    let findings_after = tried.findings.clone().unwrap_or_else(|| findings.clone());
+    report::compare_with_output(&mut findings, &findings_after);
     let copies = sharing.map(|(sharing, seconds)| {
         Pass::find_copies(&copies::as_written(sharing, tried.written.unchanged, copies_are_placed), seconds)
     });
@@ -308,6 +310,8 @@ struct Tried {
     trees: MeshTrees,
     /// The metrics of `after`.
     metrics: Metrics,
+    /// What rules `after` breaks; `None` if the output is the input.
+    findings: Option<Vec<Finding>>,
     verification: Verification,
     verdict: Verdict,
 }
@@ -348,11 +352,11 @@ impl Tried {
         let written = write(&doc, &staged.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
         drop(staged);
         clock.enter(Stage::Verify);
-        let read_back = ReadBack::new(&doc, scene, &written, output, options)?;
+        let input = (scene, trees, metrics);
+        let read_back = ReadBack::new(&doc, input, &written, &chosen, output, options)?;
         // Tracing needs the memory of what will not be written again.
         let doc = can_be_left_alone(&chosen).then_some(doc);
-        let input = (scene, trees, metrics);
-        let tried = Tried::new(input, written, read_back, &chosen, machine, options)?;
+        let tried = Tried::new(input, written, read_back, machine, options)?;
         let gains = tried.verdict != Verdict::NotFaster || tried.is_smaller_and_not_slower(metrics, &options.verify);
         let Some(doc) = doc.filter(|_| !gains) else { return Ok((chosen, tried)) };
         drop(tried);
@@ -360,33 +364,27 @@ impl Tried {
         clock.enter(Stage::Write);
         let written = write(&doc, &scene.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
         clock.enter(Stage::Verify);
-        let read_back = ReadBack::new(&doc, scene, &written, output, options)?;
+        let read_back = ReadBack::new(&doc, input, &written, &chosen, output, options)?;
         drop(doc);
-        let tried = Tried::new(input, written, read_back, &chosen, machine, options)?;
+        let tried = Tried::new(input, written, read_back, machine, options)?;
         Ok((chosen, tried))
     }
 
     /// Verifies what was written against the input as it was read, before models replaced copies.
     fn new(
-        (scene, trees, before): (&Scene, &MeshTrees, &Metrics),
+        (scene, trees_before, _): Measured,
         written: Written,
         read_back: ReadBack,
-        chosen: &Chosen,
         machine: &Machine,
         options: &BakeOptions,
     ) -> Result<Tried, CommandError> {
-        let ReadBack { after, exact } = read_back;
-        let after_trees = trees.build_for(scene, &after, &chosen.trees);
+        let ReadBack { after, exact, trees, metrics, findings } = read_back;
         let scenes = Sides { before: scene, after: &after };
-        let trees_of_both = Sides { before: trees, after: &after_trees };
+        let trees_of_both = Sides { before: trees_before, after: &trees };
         let verify = if written.unchanged { options.verify.untimed() } else { options.verify.clone() };
         let verification = machine.verify_with(scenes, trees_of_both, exact.as_ref(), &verify)?;
         let verdict = verdict(&verification, &options.verify, written.unchanged);
-        let metrics = match written.unchanged {
-            true => before.clone(),
-            false => measure_with(&after, &after_trees, options.verify.build.blas_per),
-        };
-        Ok(Tried { written, after, trees: after_trees, metrics, verification, verdict })
+        Ok(Tried { written, after, trees, metrics, findings, verification, verdict })
     }
 
     /// Whether the acceleration structures are predicted to be smaller than the input's, and rays are not slower beyond
@@ -456,14 +454,23 @@ fn write(
 struct ReadBack {
     after: Scene,
     exact: Option<Exact>,
+    /// The trees of `after`'s meshes.
+    trees: MeshTrees,
+    metrics: Metrics,
+    /// What rules it breaks; `None` if it is the input.
+    findings: Option<Vec<Finding>>,
 }
+
+/// The input with the trees of its meshes and its metrics.
+type Measured<'a> = (&'a Scene, &'a MeshTrees, &'a Metrics);
 
 impl ReadBack {
     /// Reads the staged file back, and compares it with the input.
     fn new(
         doc: &Document,
-        scene: &Scene,
+        (scene, trees, before): Measured,
         written: &Written,
+        chosen: &Chosen,
         output: &Path,
         options: &BakeOptions,
     ) -> Result<ReadBack, raykiln_formats::Error> {
@@ -481,6 +488,15 @@ impl ReadBack {
             true => Exact::of_scenes(scenes, &options.verify),
             false => Exact::of_files(documents, scenes, folders, &options.verify)?,
         };
-        Ok(ReadBack { after, exact })
+        let trees = trees.build_for(scene, &after, &chosen.trees);
+        let (metrics, findings) = match written.unchanged {
+            true => (before.clone(), None),
+            false => {
+                let metrics = measure_with(&after, &trees, options.verify.build.blas_per);
+                let findings = rules::findings(&doc_after, &after, &trees, metrics.as_bytes());
+                (metrics, Some(findings))
+            }
+        };
+        Ok(ReadBack { after, exact, trees, metrics, findings })
     }
 }

@@ -38,6 +38,9 @@ pub struct Finding {
     pub by_hand: String,
     /// What `raykiln bake` does about it.
     pub by_bake: String,
+    /// Whether the output of a bake breaks the rule no more, or less severely; `None` without an output.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gone_after: Option<bool>,
 }
 
 /// How much a finding matters.
@@ -198,9 +201,18 @@ impl Finding {
             cost: words::cost(broken),
             by_hand: words::by_hand(broken),
             by_bake: words::by_bake(broken),
+            gone_after: None,
             objects: objects.names,
             count: objects.count,
         }
+    }
+}
+
+/// Says of each finding about the input of a bake whether the output still breaks its rule as severely.
+pub(crate) fn compare_with_output(input: &mut [Finding], output: &[Finding]) {
+    for finding in input {
+        let remains = output.iter().any(|o| o.rule == finding.rule && o.severity >= finding.severity);
+        finding.gone_after = Some(!remains);
     }
 }
 
@@ -254,6 +266,16 @@ mod tests {
         assert_eq!((finding.count, finding.objects.as_slice()), (98, ["Sphere".to_owned()].as_slice()));
         assert_eq!(finding.object, "Sphere");
         assert!(finding.message.contains("196 triangles of 98 meshes"), "{}", finding.message);
+    }
+
+    #[test]
+    fn findings_of_the_output_tell_which_are_gone() {
+        let degenerate = Finding::new(Objects::default(), &Broken::Degenerate { triangles: 1, not_finite: 0 });
+        let worse = Finding::new(Objects::default(), &Broken::Degenerate { triangles: 1, not_finite: 1 });
+        let tiny = Finding::new(Objects::default(), &Broken::Tiny { ratio: 1e-6, bytes: 1 });
+        let mut input = [degenerate.clone(), worse, tiny];
+        compare_with_output(&mut input, &[degenerate]);
+        assert_eq!(input.map(|finding| finding.gone_after), [Some(false), Some(true), Some(true)]);
     }
 
     #[test]

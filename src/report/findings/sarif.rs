@@ -45,7 +45,7 @@ fn rule(rule: Rule) -> Value {
 
 /// A `result` (3.27). Objects are logical locations in the file.
 fn result(input: &Path, finding: &Finding) -> Value {
-    let Finding { rule, severity, message, cost, by_hand, by_bake, count, .. } = finding;
+    let Finding { rule, severity, message, cost, by_hand, by_bake, count, gone_after, .. } = finding;
     let parts =
         [message.clone(), format!("Costs: {}", cost.text), format!("By hand: {by_hand}"), format!("Bake: {by_bake}")];
     let objects: Vec<Value> = finding.objects.iter().map(|name| json!({"name": name, "kind": "object"})).collect();
@@ -60,7 +60,8 @@ fn result(input: &Path, finding: &Finding) -> Value {
         "level": severity.name(),
         "message": {"text": parts.map(|part| sentence(&part)).join(" ")},
         "locations": [location],
-        "properties": {"count": count, "cost": cost, "byHand": by_hand, "byBake": by_bake},
+        "properties": {"count": count, "cost": cost, "byHand": by_hand, "byBake": by_bake,
+            "goneAfter": gone_after},
     })
 }
 
