@@ -28,7 +28,7 @@ pub use fit::{Fit, FitError, KindFit, Predicted, SCHEMA};
 pub use motion::{MotionRow, PolicySummary};
 pub use quality::Quality;
 pub use rows::{KindRow, Row};
-pub use thesis_files::{Animation, Converted, convert};
+pub use thesis_files::{Converted, convert};
 
 use crate::choose::model::Class;
 use crate::commands::verify;

@@ -114,10 +114,34 @@ impl<'a> Session<'a> {
         Ok(row)
     }
 
+    /// Runs the instances without the scene, with the rays of both.
+    ///
+    /// # Errors
+    /// Like [`Session::run`].
+    pub(in crate::lab) fn run_alone(&mut self, setup: &Setup) -> Result<RunRow, String> {
+        self.make_rays(&setup.picture)?;
+        let scene = self.subject.with_instances(Scene::default());
+        let mut row = RunRow {
+            id: self.id(setup),
+            scene: self.subject.name.clone(),
+            environment: setup.name.clone(),
+            model: self.subject.model.clone(),
+            instances: scene.instances.len() as u64,
+            added_instances: scene.instances.len() as u64,
+            build_flags: flags(&setup.bake.verify.build),
+            size: setup.picture.size,
+            pixel_samples: setup.picture.samples,
+            light_samples: setup.picture.light_samples,
+            ..RunRow::default()
+        };
+        row.failure = self.trace(&scene, setup, &mut row).err();
+        Ok(row)
+    }
+
     /// Identifies the run of a setup.
     pub(in crate::lab) fn id(&self, setup: &Setup) -> String {
         let Subject { name, model, views, light, instances, .. } = self.subject;
-        let placed = instances.as_ref().map(|of| (&of.positions, &of.animations));
+        let placed = instances.as_ref().map(|of| &of.copies);
         let how = (env!("CARGO_PKG_VERSION"), self.bench.until, self.bench.seed, self.bench.machine.name());
         let text = format!("{name} {model} {views:?} {light:?} {placed:?} {setup:?} {how:?}");
         blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
@@ -237,11 +261,13 @@ impl<'a> Session<'a> {
             layout: chosen.selection.plan.to_string(),
             triangles: metrics.triangles_placed,
             meshes: metrics.instances,
-            added_instances: subject.instances.as_ref().map_or(0, |of| of.positions.len() as u64),
-            animated_instances: subject.instances.as_ref().map_or(0, |of| of.animations.len() as u64),
+            added_instances: subject.instances.as_ref().map_or(0, |of| of.copies.positions.len() as u64),
+            animated_instances: subject.instances.as_ref().map_or(0, |of| of.copies.animations.len() as u64),
             overlap_ratio: metrics.overlap_ratio,
             sah_cost: metrics.sah_cost,
             two_level_cost: metrics.two_level_cost,
+            splits: chosen.layout.rounds.as_ref().map(|rounds| rounds.splits),
+            merges: chosen.layout.rounds.as_ref().map(|rounds| rounds.merges),
             optimise_seconds: *seconds,
             build_flags: flags(&bake.verify.build),
             predicted_bytes: metrics.as_bytes(),

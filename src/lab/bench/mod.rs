@@ -11,5 +11,5 @@ mod tests;
 pub(super) use measure::{Bench, Session};
 pub use row::{KindRun, RunRow};
 pub(super) use setup::{PictureSetup, Setup};
-pub(super) use subject::Subject;
+pub(super) use subject::{Instances, Subject, read_instance};
 pub(super) use table::{RunTable, read as read_rows};

@@ -6,7 +6,7 @@ use crate::lab::LabError;
 use crate::lab::error_vs_time::{Bake, Setting, Tracer, Value as OptionValue};
 use crate::lab::thesis_files::{SettingsFile, Value};
 use crate::layout::BlasPer;
-use crate::methods::Method;
+use crate::methods::{Method, OverlapRule};
 use crate::verify::build::{BuildOptions, Prefer};
 use crate::verify::rays::MOST_RAYS;
 use crate::verify::{DeviceChoice, VerifyOptions};
@@ -176,6 +176,8 @@ fn set_thresholds(choose: &mut ChooseOptions, file: &SettingsFile) {
     set("SOM_THRESHOLD", &mut overlap.split_or_merge_ratio);
     // The thesis does not state the threshold between the two branches that split: see `OverlapOptions`.
     overlap.split_ratio = 0.5 * overlap.split_or_merge_ratio;
+    // The files are those of the thesis, and so is the method.
+    overlap.rule = OverlapRule::Thesis;
     set("SKIP_OVERLAP_THRESHOLD", &mut overlap.skip_overlap_ratio);
     set("OVERLAP_THRESHOLD", &mut overlap.termination_overlap_ratio);
     set("NODES_TO_TRIS", &mut bvh.nodes_per_triangle_ratio);

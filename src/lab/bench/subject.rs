@@ -1,19 +1,17 @@
 //! What the keys of a scene mean: the models, the camera, the light and the instances.
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
-use glam::{DAffine3, DQuat, DVec3};
+use glam::DVec3;
 use raykiln_formats::Document;
 
 use crate::lab::LabError;
-use crate::lab::thesis_files::{Animation, SettingsFile, Value};
-use crate::scene::{Instance, LoadOptions, MeshId, Opacity, Pinned, Scene, load};
+use crate::lab::motion::joined;
+use crate::lab::thesis_files::{SettingsFile, Value};
+use crate::motion::{MovingScene, Orbit, PlacedCopies};
+use crate::scene::{LoadOptions, Scene, load};
 use crate::verify::rays::shot::Light;
 use crate::verify::view::View;
-
-/// Field of view across the shorter side of a picture, in radians.
-const FIELD: f64 = 60.0 * std::f64::consts::PI / 180.0;
 
 /// Places of a camera that moves.
 const CAMERA_PLACES: usize = 8;
@@ -47,10 +45,8 @@ pub(in crate::lab) struct Subject {
 pub(in crate::lab) struct Instances {
     /// Their model.
     pub(in crate::lab) model: Scene,
-    /// Where they stand: the middle of their boxes, in scene units.
-    pub(in crate::lab) positions: Vec<[f64; 3]>,
-    /// How the first ones move.
-    pub(in crate::lab) animations: Vec<Animation>,
+    /// Where they stand, in scene units, and how the first ones move.
+    pub(in crate::lab) copies: PlacedCopies,
 }
 
 impl Subject {
@@ -108,25 +104,8 @@ impl Subject {
 }
 
 impl Instances {
-    fn added_to(&self, mut scene: Scene, diagonal: f64) -> Scene {
-        let bounds = self.model.bounds();
-        let scale = INSTANCE_SIZE * diagonal / bounds.diagonal();
-        let first = scene.meshes.len() as u32;
-        let shared = |scene: &Scene| (0..scene.meshes.len()).map(|i| scene.meshes.share(i)).collect::<Vec<_>>();
-        scene.meshes = shared(&scene).into_iter().chain(shared(&self.model)).collect();
-        for position in &self.positions {
-            let place = DAffine3::from_translation(DVec3::from_array(*position))
-                * DAffine3::from_scale(DVec3::splat(scale))
-                * DAffine3::from_translation(-bounds.center());
-            scene.instances.extend(self.model.instances.iter().map(|of| Instance {
-                mesh: MeshId(first + of.mesh.0),
-                transform: place * of.transform,
-                pinned: Some(Pinned::Animated),
-                ..of.clone()
-            }));
-        }
-        (scene.boxes, scene.core) = Default::default();
-        scene
+    fn added_to(&self, scene: Scene, diagonal: f64) -> Scene {
+        MovingScene::new(&scene, &self.model, INSTANCE_SIZE * diagonal, self.copies.clone()).scene().clone()
     }
 }
 
@@ -169,14 +148,20 @@ fn instances(
             return Err(file.error(file.line_of(key), cause));
         }
     }
-    let (_, mut model, of_reader) = read(&file.beside(name))?;
+    let (model, of_reader) = read_instance(&file.beside(name))?;
     warnings.extend(of_reader);
-    // The materials of the two files have numbers of their own.
-    for geometry in model.meshes.iter_mut().flat_map(|mesh| &mut mesh.geometries) {
-        (geometry.material, geometry.opacity, geometry.alpha) = (None, Opacity::Opaque, None);
-    }
-    let positions = lists.positions[..count].to_vec();
-    Ok(Some(Instances { model, positions, animations: lists.animations[..animated].to_vec() }))
+    let positions = lists.positions[..count].iter().copied().map(DVec3::from_array).collect();
+    let copies = PlacedCopies { positions, animations: lists.animations[..animated].to_vec() };
+    Ok(Some(Instances { model, copies }))
+}
+
+/// Reads a model of instances, with all that may be joined in one mesh; also returns what its reader repaired or omitted.
+///
+/// # Errors
+/// Fails if it cannot be read or has no triangles.
+pub(in crate::lab) fn read_instance(path: &Path) -> Result<(Scene, Vec<String>), LabError> {
+    let (_, model, warnings) = read(path)?;
+    Ok((joined(&model), warnings))
 }
 
 /// Returns the places of the camera; none if the scene states none.
@@ -190,11 +175,8 @@ fn views(file: &SettingsFile, scene: &Scene) -> Result<Vec<View>, LabError> {
     let speed = if let [Value::Number(speed)] = file.values("CAMERA_ROTATION_SPEED") { *speed } else { 0.0 };
     let is_animated = matches!(file.values("ANIMATE_CAMERA"), [Value::Flag(true)]) && speed != 0.0;
     let places = if is_animated { CAMERA_PLACES } else { 1 };
-    let view = |i: usize| {
-        let seconds = CAMERA_SECONDS * i as f64 / places as f64;
-        let turn = DQuat::from_rotation_y(TAU * speed * seconds);
-        View::toward(format!("camera, place {i}"), target + turn * (eye - target), target, FIELD)
-    };
+    let orbit = Orbit { position: eye, interest: target, frequency: speed };
+    let view = |i: usize| orbit.view(CAMERA_SECONDS * i as f64 / places as f64);
     let views: Option<Vec<View>> = (0..places).map(view).collect();
     let cause = "the camera looks nowhere: `CAMERA_POSITION` and `CAMERA_POI` are the same point";
     views.ok_or_else(|| file.error(file.line_of("CAMERA_POSITION"), cause))

@@ -8,7 +8,7 @@ use crate::choose::applies::OPTIONS;
 use crate::choose::model::Class;
 use crate::choose::plans::Effort;
 use crate::choose::{Choice, ChooseOptions};
-use crate::methods::{Instances, Method};
+use crate::methods::{Instances, Method, OverlapRule};
 use crate::verify::VerifyOptions;
 use crate::verify::rays::MOST_RAYS;
 
@@ -132,7 +132,7 @@ const fn option(name: &'static str, expects: &'static str, set: fn(&mut Bake, &V
 }
 
 /// All options that can be swept.
-pub(super) const SETTINGS: [Setting; 20] = [
+pub(super) const SETTINGS: [Setting; 21] = [
     Setting {
         name: "max_position_error_ratio",
         expects: RATIO,
@@ -158,6 +158,14 @@ pub(super) const SETTINGS: [Setting; 20] = [
     option("min_area_ratio", RATIO, |b, v| v.ratio().map(|x| b.choose.layout.bvh.min_area_ratio = x)),
     option("skip_overlap_ratio", RATIO, |b, v| v.ratio().map(|x| b.choose.layout.overlap.skip_overlap_ratio = x)),
     option("split_or_merge_ratio", RATIO, |b, v| v.ratio().map(|x| b.choose.layout.overlap.split_or_merge_ratio = x)),
+    option("overlap_rule", "`improved` or `thesis`", |b, v| {
+        b.choose.layout.overlap.rule = match v.word()? {
+            "improved" => OverlapRule::Improved,
+            "thesis" => OverlapRule::Thesis,
+            _ => return None,
+        };
+        Some(())
+    }),
     option("split_ratio", RATIO, |b, v| v.ratio().map(|x| b.choose.layout.overlap.split_ratio = x)),
     option("termination_overlap_ratio", RATIO, |b, v| {
         v.ratio().map(|x| b.choose.layout.overlap.termination_overlap_ratio = x)

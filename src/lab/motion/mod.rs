@@ -113,7 +113,7 @@ fn read(path: &Path) -> Result<(Document, Scene, Vec<String>), LabError> {
 }
 
 /// Returns a scene with all that may be joined in one mesh, as the copies of a crowd place it.
-fn joined(model: &Scene) -> Scene {
+pub(in crate::lab) fn joined(model: &Scene) -> Scene {
     let mut single = methods::run(Method::Single, model, &Options::default());
     order_by_tree(model, &mut single);
     stored(model, &single)

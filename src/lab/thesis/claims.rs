@@ -62,6 +62,12 @@ fn overlap(scene: &Measured, chosen: Trial) -> Option<String> {
     let word = |rises: bool| if rises { "raises" } else { "lowers" };
     let rises = after > before;
     let name = &scene.found.name;
+    if number(before) == number(after) {
+        return Some(format!(
+            "With skip threshold 0.005, the reduction leaves the overlap ratio of {name} at {}.",
+            number(before)
+        ));
+    }
     Some(match rises_in_thesis {
         Some(in_thesis) if in_thesis != rises => format!(
             "With skip threshold 0.005, the reduction {} the overlap ratio of {name} in the thesis; here it {} it, from {} \
@@ -100,7 +106,7 @@ pub(super) fn som(measured: &[Measured]) -> Vec<String> {
 /// Experiment 4: in the thesis one BLAS is the fastest but on the static Sponza, where the overlap reduction is.
 pub(super) fn methods(measured: &[Measured]) -> Vec<String> {
     let (_, skip, som) = CHOSEN;
-    let of_thesis = &Trial::COMPARED[..4];
+    let of_thesis = &Trial::COMPARED[..Trial::OF_THESIS];
     let of_scene = |scene: &Measured| {
         let thesis = scene.found.of.map(|of| match SCENES[of].name {
             "Sponza" => Trial::Overlap { skip, som },
@@ -126,3 +132,22 @@ pub(super) fn stand_in(measured: &[Measured]) -> Option<String> {
     let scene = standing_for(SAN_MIGUEL, measured).filter(|scene| scene.found.of != Some(SAN_MIGUEL))?;
     Some(format!("San Miguel is not at hand: {} stands for it, which has the most triangles.", scene.found.name))
 }
+
+/// Experiment 3: in the thesis, every scene with 10^5 instances is about as fast as the instances alone.
+pub(super) fn crowds(measured: &[Measured], instances: usize) -> Vec<String> {
+    let of_scene = |scene: &Measured| {
+        let [with, alone] = [Some(Trial::Single), None].map(|trial| scene.crowd(instances, trial));
+        let ratio = with?.0 / alone?.0;
+        let agrees = (ABOUT..=1.0 / ABOUT).contains(&ratio);
+        let beside =
+            if agrees { "about as fast, as in the thesis" } else { "where the thesis finds about the same speed" };
+        let (name, ratio) = (&scene.found.name, number(ratio));
+        Some(format!(
+            "{name} with {instances} instances is traced {ratio} times as fast as the instances alone, {beside}."
+        ))
+    };
+    measured.iter().filter_map(of_scene).collect()
+}
+
+/// Speeds whose ratio is between this and its reciprocal are "roughly the same".
+const ABOUT: f64 = 0.8;

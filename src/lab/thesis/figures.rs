@@ -93,13 +93,38 @@ pub(super) fn som(measured: &[Measured], folder: &Path) -> Result<Vec<Figure>, L
     ])
 }
 
-/// Figures 5.7 to 5.12: all methods on each scene.
-pub(super) fn methods(measured: &[Measured], folder: &Path) -> Result<Vec<Figure>, LabError> {
+/// Figure 5.5: every scene with many instances, beside the instances alone.
+pub(super) fn crowds(measured: &[Measured], instances: usize, folder: &Path) -> Result<Vec<Figure>, LabError> {
+    let scenes: Vec<&Measured> = measured.iter().filter(|scene| !scene.crowds.is_empty()).collect();
+    if scenes.is_empty() {
+        return Ok(Vec::new());
+    }
+    let bar = |(value, spread)| Bar { value, spread };
+    let of =
+        |scene: &&Measured| [Some(Trial::Single), None].map(|trial| scene.crowd(instances, trial).map(bar)).to_vec();
+    let chart = BarChart {
+        title: format!("{instances} instances with each scene and alone"),
+        heading: "what is traced".into(),
+        series: ["scene and instances", "instances only"].map(String::from).to_vec(),
+        bars: scenes.iter().map(of).collect(),
+        ..bars(&scenes, &[], String::new())
+    };
+    let caption = format!("Figure 5.5: speed of every scene with {instances} instances, and of the instances alone.");
+    Ok(vec![figure(&chart, folder, "figure-5-5", caption)?])
+}
+
+/// Figures 5.7 to 5.12: all methods on each scene, without instances and with numbers of them.
+pub(super) fn methods(measured: &[Measured], instances: &[usize], folder: &Path) -> Result<Vec<Figure>, LabError> {
     let mut figures = Vec::new();
     for scene in measured {
         let name = &scene.found.name;
         let mut chart = bars(&[scene], &Trial::COMPARED, format!("all methods on {name}"));
         (chart.groups, chart.group_axis) = (vec![STATIC.into()], "setup".into());
+        for &instances in instances.iter().filter(|_| !scene.crowds.is_empty()) {
+            let bar = |trial| scene.crowd(instances, Some(trial)).map(|(value, spread)| Bar { value, spread });
+            chart.groups.push(format!("{instances} instances"));
+            chart.bars.push(Trial::COMPARED.map(bar).to_vec());
+        }
         let (number, file) = match scene.found.of {
             Some(of) => (format!("Figure 5.{}", FIRST_OF_SCENES + of), format!("figure-5-{}", FIRST_OF_SCENES + of)),
             None => ("As figures 5.7 to 5.12".to_owned(), format!("figure-5-7-{}", plain(name))),

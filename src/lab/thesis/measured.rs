@@ -8,7 +8,26 @@ use crate::lab::bench::RunRow;
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub(super) found: Found,
+    /// Without instances.
     pub(super) trials: Vec<(Trial, RunRow)>,
+    /// With numbers of instances.
+    pub(super) crowds: Vec<Crowded>,
+}
+
+/// A scene with instances.
+#[derive(Clone, Debug)]
+pub(super) struct Crowded {
+    /// Number of instances.
+    pub(super) instances: usize,
+    /// `None` for the instances without the scene.
+    pub(super) trial: Option<Trial>,
+    pub(super) row: RunRow,
+}
+
+/// Returns the speed of a row with all kinds of rays and its uncertainty, in million rays per second.
+fn speed_of(row: &RunRow) -> Option<(f64, f64)> {
+    let speed = row.all_mrays_per_s;
+    (speed > 0.0).then(|| (speed, speed * row.all_spread_ratio.unwrap_or(0.0)))
 }
 
 impl Measured {
@@ -19,8 +38,13 @@ impl Measured {
 
     /// Returns the speed of a trial with all kinds of rays and its uncertainty, in million rays per second.
     pub(super) fn speed(&self, trial: Trial) -> Option<(f64, f64)> {
-        let row = self.row(trial).filter(|row| row.all_mrays_per_s > 0.0)?;
-        Some((row.all_mrays_per_s, row.all_mrays_per_s * row.all_spread_ratio.unwrap_or(0.0)))
+        self.row(trial).and_then(speed_of)
+    }
+
+    /// Returns the speed with a number of instances, of the instances alone without a trial.
+    pub(super) fn crowd(&self, instances: usize, trial: Option<Trial>) -> Option<(f64, f64)> {
+        let is_it = |of: &&Crowded| of.instances == instances && of.trial == trial;
+        self.crowds.iter().find(is_it).and_then(|of| speed_of(&of.row))
     }
 
     /// Returns the fastest of some trials.

@@ -5,6 +5,7 @@
 //! thesis's numbers beside those measured.
 
 mod claims;
+mod crowds;
 mod figures;
 mod measured;
 mod numbers;
@@ -17,11 +18,13 @@ mod trials;
 use std::path::PathBuf;
 
 use super::LabError;
-use super::bench::{Bench, PictureSetup, RunTable, Session, Setup, Subject};
+use super::bench::{Bench, PictureSetup, RunRow, RunTable, Session, Setup, Subject};
 use crate::choose::plans::Effort;
+use crate::scene::Scene;
 use crate::verify::DeviceChoice;
 use crate::verify::probe::Until;
 use measured::Measured;
+use numbers::{SAN_MIGUEL, SIBENIK};
 use scenes::Found;
 use trials::Trial;
 
@@ -84,23 +87,27 @@ pub fn thesis(options: &ThesisOptions, progress: &mut dyn FnMut(&Step)) -> Resul
     let table = RunTable::create(&options.out, &[], options.resume)?;
     let mut study =
         Experiments { options, bench: &bench, table, result: ThesisResult::default(), step: 0, steps: 0, progress };
-    study.steps = found.len() * Trial::all().len();
+    let smallest = found.iter().min_by_key(|scene| scene.file.metadata().map_or(0, |m| m.len()));
+    let model = smallest.map(|scene| crowds::model(&options.scenes, options.quick, &scene.file));
+    let model = model.and_then(|model| model.map_err(|why| study.result.failures.push(why)).ok());
+    let per_scene = Trial::all().len() + model.as_ref().map_or(0, |_| crowds::runs());
+    study.steps = found.len() * per_scene;
     let mut measured = Vec::new();
     let mut fragments = Vec::new();
-    let fragmented = pictures::chosen(&found);
+    let [fragmented, crowded] = [SAN_MIGUEL, SIBENIK].map(|of| pictures::chosen(of, &found));
     for (i, scene) in found.iter().enumerate() {
-        study.step = i * Trial::all().len();
-        match study.scene(scene, i == fragmented) {
-            Ok((of_scene, pictures)) => {
+        study.step = i * per_scene;
+        match study.scene(scene, model.as_ref(), [i == fragmented, i == crowded]) {
+            Ok((of_scene, drawn)) => {
                 measured.push(of_scene);
-                fragments.extend(pictures);
+                fragments.extend(drawn);
             }
             Err(Failure::Scene(why)) => study.result.failures.push(format!("{}: {why}", scene.name)),
             Err(Failure::Output(why)) => return Err(why),
         }
     }
     let mut result = study.result;
-    result.rows = measured.iter().map(|scene| scene.trials.len()).sum();
+    result.rows = measured.iter().map(|scene| scene.trials.len() + scene.crowds.len()).sum();
     result.page = page::write(&measured, fragments, &result.failures, options)?;
     Ok(result)
 }
@@ -123,19 +130,24 @@ struct Experiments<'o, 'p> {
     progress: &'p mut dyn FnMut(&Step),
 }
 
-/// The pictures of figure 5.2.
+/// The pictures of figures 5.2 and 5.6.
 type Fragments = Vec<crate::report::study::Figure>;
 
 impl Experiments<'_, '_> {
     /// Runs all trials of a scene, and draws its layouts if asked for.
-    fn scene(&mut self, found: &Found, fragmented: bool) -> Result<(Measured, Fragments), Failure> {
+    fn scene(
+        &mut self,
+        found: &Found,
+        model: Option<&Scene>,
+        [fragmented, crowded]: [bool; 2],
+    ) -> Result<(Measured, Fragments), Failure> {
         let in_words = |e: LabError| Failure::Scene(e.to_string());
         (self.progress)(&Step { done: self.step, of: self.steps, name: found.name.clone() });
         let mut subject = Subject::read(&found.name, &found.file).map_err(in_words)?;
         subject.name.clone_from(&found.name);
         self.result.warnings.append(&mut subject.warnings);
         let mut session = Session::new(self.bench, &subject).map_err(Failure::Scene)?;
-        let mut measured = Measured { found: found.clone(), trials: Vec::new() };
+        let mut measured = Measured { found: found.clone(), trials: Vec::new(), crowds: Vec::new() };
         for trial in Trial::all() {
             let name = format!("{}: {}", found.name, trial.name());
             (self.progress)(&Step { done: self.step, of: self.steps, name });
@@ -148,16 +160,26 @@ impl Experiments<'_, '_> {
                     row
                 }
             };
-            let failed = row.failure.as_ref().map(|why| format!("{}, {}: {why}", row.scene, row.environment));
-            self.result.failures.extend(failed);
+            self.fail_untimed(&row);
             measured.trials.push((trial, row));
             self.step += 1;
         }
-        let pictures = match fragmented {
+        let mut drawn = match fragmented {
             true => pictures::fragments(&session, self.picture(), &self.options.out)?,
             false => Vec::new(),
         };
-        Ok((measured, pictures))
+        drop(session);
+        if let Some(model) = model {
+            let (crowds, figures) = self.crowds(&mut subject, model, crowded)?;
+            measured.crowds = crowds;
+            drawn.extend(figures);
+        }
+        Ok((measured, drawn))
+    }
+
+    fn fail_untimed(&mut self, row: &RunRow) {
+        let failed = row.failure.as_ref().map(|why| format!("{}, {}: {why}", row.scene, row.environment));
+        self.result.failures.extend(failed);
     }
 
     fn setup(&self, trial: Trial) -> Setup {

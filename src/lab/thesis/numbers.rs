@@ -195,6 +195,9 @@ pub(super) const SKIP_STATISTICS: [SkipStatistics; 6] = [
     },
 ];
 
+/// Index of Sibenik in [`SCENES`].
+pub(super) const SIBENIK: usize = 2;
+
 /// Index of San Miguel in [`SCENES`].
 pub(super) const SAN_MIGUEL: usize = 5;
 

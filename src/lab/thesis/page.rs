@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::ThesisOptions;
 use super::measured::Measured;
-use super::{claims, figures, tables};
+use super::{claims, crowds, figures, tables};
 use crate::lab::LabError;
 use crate::report::html;
 use crate::report::study::{Figure, Section, Study};
@@ -42,6 +42,8 @@ fn study(
     quick: bool,
     folder: &Path,
 ) -> Result<Study, LabError> {
+    let (crowded, fragments): (Vec<Figure>, Vec<Figure>) =
+        fragments.into_iter().partition(|figure| figure.file.contains("figure-5-6"));
     let scenes = Section {
         heading: "The scenes".into(),
         tables: vec![tables::scenes(measured)],
@@ -52,7 +54,7 @@ fn study(
         heading: "Experiment 1: parameters of bvh".into(),
         sentences: claims::stand_in(measured).into_iter().chain(claims::bvh(measured)).collect(),
         tables: tables::bvh_builds(measured).into_iter().collect(),
-        figures: [figures::bvh(measured, folder)?, fragments].concat(),
+        figures: figures::bvh(measured, folder)?.into_iter().chain(fragments).collect(),
     };
     let second = Section {
         heading: "Experiment 2: parameters of the overlap reduction".into(),
@@ -60,16 +62,22 @@ fn study(
         tables: vec![tables::skip_thresholds(measured)],
         figures: [figures::skip(measured, folder)?, figures::som(measured, folder)?].concat(),
     };
+    let third = Section {
+        heading: "Experiment 3: instances".into(),
+        sentences: claims::crowds(measured, crowds::most(quick)),
+        tables: tables::crowds(measured, crowds::most(quick)).into_iter().collect(),
+        figures: [figures::crowds(measured, crowds::most(quick), folder)?, crowded].concat(),
+    };
     let fourth = Section {
         heading: "Experiment 4: all methods".into(),
         sentences: claims::methods(measured),
-        tables: vec![tables::methods(measured)],
-        figures: figures::methods(measured, folder)?,
+        tables: vec![tables::methods(measured, &crowds::compared(quick))],
+        figures: figures::methods(measured, &crowds::compared(quick), folder)?,
     };
     Ok(Study {
         title: "The experiments of \"Scene optimization for RTX\", repeated".into(),
         sentences: introduction(measured, failures, quick),
-        sections: vec![scenes, first, second, fourth],
+        sections: vec![scenes, first, second, third, fourth],
     })
 }
 

@@ -161,23 +161,45 @@ fn pair(ours: Option<f64>, thesis: Option<f64>) -> String {
     format!("{} / {}", text(ours), text(thesis))
 }
 
-/// The speeds of all methods on all scenes, over one BLAS.
-pub(super) fn methods(measured: &[Measured]) -> Table {
-    let cell = |scene: &Measured, trial: Trial| match (scene.speed(trial), scene.speed(Trial::Single)) {
+/// The speeds of all methods on all scenes without instances and with numbers of them, over one BLAS.
+pub(super) fn methods(measured: &[Measured], instances: &[usize]) -> Table {
+    let setups: Vec<Option<usize>> = [None].into_iter().chain(instances.iter().copied().map(Some)).collect();
+    let speed = |scene: &Measured, setup: Option<usize>, trial: Trial| match setup {
+        None => scene.speed(trial),
+        Some(instances) => scene.crowd(instances, Some(trial)),
+    };
+    let cell = |scene: &Measured, setup, trial| match (speed(scene, setup, trial), speed(scene, setup, Trial::Single)) {
         (Some((speed, _)), Some((single, _))) => format!("{} (x {})", number(speed), number(speed / single)),
         (Some((speed, _)), None) => number(speed),
-        (None, _) => scene.row(trial).and_then(|row| row.failure.clone()).unwrap_or(NONE.into()),
+        (None, _) => NONE.into(),
     };
-    let row = |scene: &Measured| {
-        let cells = Trial::COMPARED.iter().map(|trial| cell(scene, *trial));
-        [vec![scene.found.name.clone()], cells.collect()].concat()
+    let row = |(scene, setup): (&Measured, Option<usize>)| {
+        let cells = Trial::COMPARED.iter().map(|trial| cell(scene, setup, *trial));
+        let name = setup.map_or("static".into(), |instances| format!("{instances} instances"));
+        [vec![scene.found.name.clone(), name], cells.collect()].concat()
     };
+    let all = measured.iter().flat_map(|scene| setups.iter().map(move |setup| (scene, *setup)));
+    let head = [vec!["scene".into(), "setup".into()], Trial::COMPARED.map(Trial::name).to_vec()].concat();
     Table {
-        caption: "Experiment 4: million rays per second of all kinds (over the single BLAS's), static".into(),
-        head: [vec!["scene".into()], Trial::COMPARED.map(Trial::name).to_vec()].concat(),
-        rows: measured.iter().map(row).collect(),
+        caption: "Experiment 4: million rays per second of all kinds (over the single BLAS's)".into(),
+        head,
+        rows: all.map(row).filter(|row| row[2..].iter().any(|cell| cell != NONE)).collect(),
         notes: editions(measured),
     }
+}
+
+/// The speeds with many instances, beside those of the instances alone.
+pub(super) fn crowds(measured: &[Measured], instances: usize) -> Option<Table> {
+    let row = |scene: &Measured| {
+        let [with, alone] = [Some(Trial::Single), None].map(|trial| scene.crowd(instances, trial).map(|speed| speed.0));
+        let ratio = with.zip(alone).map(|(with, alone)| with / alone);
+        let cells = [with, alone, ratio].map(|x| x.map_or(NONE.into(), number));
+        [vec![scene.found.name.clone()], cells.to_vec()].concat()
+    };
+    let head = ["scene", "scene and instances", "instances only", "ratio"].map(String::from).to_vec();
+    let rows: Vec<Vec<String>> = measured.iter().filter(|scene| !scene.crowds.is_empty()).map(row).collect();
+    let caption = format!("Experiment 3: million rays per second of all kinds with {instances} instances, single BLAS");
+    (!rows.is_empty()).then(|| Table { caption, head, rows, notes: editions(measured) })
 }
 
 fn megabytes(bytes: Option<u64>) -> Option<f64> {

@@ -140,8 +140,8 @@ mod tests {
             (Sort::Scene, "LIGHT_SIZE=-1", "x:1: `LIGHT_SIZE` is `-1`, not a number of at least 0"),
             (Sort::Scene, "SCENE_NAME=", "x:1: `SCENE_NAME` is ``, not a text"),
             (Sort::Scene, "1 2 3 4", "x:1: `1 2 3 4` is neither `KEY=VALUE` nor three numbers"),
-            (Sort::Scene, "1 0 0 1 -1 0 0", "x:1: an animation has a distance of -1"),
-            (Sort::Scene, "1 0 0 1 1 1 0", "x:1: an animation has a phase of 1"),
+            (Sort::Scene, "1 0 0 1 -1 0 0", "x:1: distance of an animation is -1"),
+            (Sort::Scene, "1 0 0 1 1 1 0", "x:1: phase of an animation is 1"),
             (Sort::Scene, "INSTANCE_COUNT=2\n1 2 3", "x:1: `INSTANCE_COUNT` is 2, but the file lists 1 positions"),
             (
                 Sort::Scene,

@@ -6,8 +6,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::keys::{Key, Value, numbers};
-use super::{Animation, Entry, SettingsFile, Sort, keys_of};
+use super::{Entry, SettingsFile, Sort, keys_of};
 use crate::lab::LabError;
+use crate::motion::Animation;
 
 /// Reads a file; also returns the number of comments.
 pub(super) fn parse(sort: Sort, path: &Path, text: &str) -> Result<(SettingsFile, usize), LabError> {
@@ -43,7 +44,7 @@ fn add_numbers(file: &mut SettingsFile, text: &str) -> Result<(), String> {
     if let Some(position) = numbers::<3>(text) {
         file.positions.push(position);
     } else if let Some(animation) = numbers::<7>(text) {
-        file.animations.push(Animation::of(animation)?);
+        file.animations.push(Animation::from_numbers(animation).map_err(|e| e.to_string())?);
     } else {
         return Err(format!("`{text}` is neither `KEY=VALUE` nor three numbers (a position) nor seven (an animation)"));
     }
@@ -71,7 +72,7 @@ pub(super) fn write(file: &SettingsFile) -> Result<String, LabError> {
         let _ = writeln!(text, "{}={value}", entry.key.name);
     }
     file.positions.iter().for_each(|numbers| add_line(&mut text, numbers));
-    file.animations.iter().for_each(|animation| add_line(&mut text, &animation.numbers()));
+    file.animations.iter().for_each(|animation| add_line(&mut text, &animation.to_numbers()));
     Ok(text)
 }
 

@@ -16,6 +16,7 @@ pub(super) use sections::{Section, read_sections};
 
 use super::LabError;
 use super::error_vs_time::Value as OptionValue;
+use crate::motion::Animation;
 use keys::Key;
 
 /// What a file describes.
@@ -50,38 +51,6 @@ impl Sort {
     fn of(path: &Path) -> Option<Sort> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Sort::ALL.into_iter().find(|sort| sort.extension() == extension)
-    }
-}
-
-/// How an instance moves. In a file: seven numbers in this order.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Animation {
-    /// Direction of the way, x, y and z; of any length, zero for an instance that stays in its place.
-    pub direction: [f64; 3],
-    /// Scene units per second.
-    pub speed: f64,
-    /// Length of the way there, which it then goes back, in scene units; at least 0.
-    pub distance: f64,
-    /// Where on the way there and back it starts, from 0 up to but without 1.
-    pub phase: f64,
-    /// Turns per second about the direction.
-    pub turns: f64,
-}
-
-impl Animation {
-    fn of([x, y, z, speed, distance, phase, turns]: [f64; 7]) -> Result<Animation, String> {
-        match () {
-            () if distance < 0.0 => Err(format!("an animation has a distance of {distance}, not of at least 0")),
-            () if !(0.0..1.0).contains(&phase) => {
-                Err(format!("an animation has a phase of {phase}, not from 0 up to but without 1"))
-            }
-            () => Ok(Animation { direction: [x, y, z], speed, distance, phase, turns }),
-        }
-    }
-
-    fn numbers(&self) -> [f64; 7] {
-        let [x, y, z] = self.direction;
-        [x, y, z, self.speed, self.distance, self.phase, self.turns]
     }
 }
 

@@ -8,15 +8,16 @@ use std::path::Path;
 use toml::Spanned;
 
 use super::keys::{Key, to_toml, vector};
-use super::{Animation, Entry, SettingsFile, Sort};
+use super::{Entry, SettingsFile, Sort};
 use crate::lab::LabError;
 use crate::lab::config::Source;
 use crate::lab::error_vs_time::{Setting, Value as OptionValue};
+use crate::motion::Animation;
 
 /// A section as it is written.
 pub(in crate::lab) type Section = BTreeMap<String, Spanned<toml::Value>>;
 
-/// Options of an environment that say what traces, beside those of `bake`.
+/// Options of an environment that say what is laid out and what traces, beside those that the lab sweeps elsewhere.
 pub(in crate::lab) const TRACING: [&str; 4] = ["method", "tracer", "device", "blas_per"];
 
 /// Reads the sections of a sort.
@@ -46,7 +47,11 @@ fn read_section(
             ("positions", _) => file.positions = rows(name, value.get_ref()).map_err(at)?,
             ("animations", _) => {
                 let rows: Vec<[f64; 7]> = rows(name, value.get_ref()).map_err(at)?;
-                file.animations = rows.into_iter().map(Animation::of).collect::<Result<_, _>>().map_err(at)?;
+                file.animations = rows
+                    .into_iter()
+                    .map(Animation::from_numbers)
+                    .collect::<Result<_, _>>()
+                    .map_err(|e| at(e.to_string()))?;
             }
             _ => match Key::named(sort, &name.to_ascii_uppercase()).filter(|_| *name == name.to_ascii_lowercase()) {
                 Some(key) => file.add(Entry { key, values: values(key, sort, value.get_ref()).map_err(at)?, line })?,
@@ -108,7 +113,7 @@ fn section(file: &SettingsFile) -> String {
         text += &format!("{name} = {}\n", one(values.iter().map(OptionValue::to_toml).collect()));
     }
     let positions = file.positions.iter().map(|row| row.as_slice().to_vec());
-    let animations = file.animations.iter().map(|animation| animation.numbers().to_vec());
+    let animations = file.animations.iter().map(|animation| animation.to_numbers().to_vec());
     text += &list("positions", positions.collect());
     text + &list("animations", animations.collect())
 }

@@ -1,0 +1,133 @@
+//! The setups with instances: 10^3, 10^4 and 10^5 copies of a model at random places.
+//!
+//! Rays are timed at the beginning of the motion. What it costs to move instances, refit and rebuild is measured by the
+//! experiment `[motion]`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::measured::Crowded;
+use super::trials::Trial;
+use super::{Experiments, Failure, Step, pictures};
+use crate::lab::bench::{Instances, Session, Setup, Subject, read_instance};
+use crate::motion::{Crowd, Deviating};
+use crate::report::study::Figure;
+use crate::scene::Scene;
+
+/// Numbers of instances of the last experiment, and of the third.
+const COMPARED: [usize; 2] = [1_000, 10_000];
+const MOST: usize = 100_000;
+
+/// A quick run has as many times fewer.
+const QUICK: usize = 500;
+
+/// Speed, way and turns of instances: shares of the diagonal of the scene per second and of it, and turns per second.
+const SPEED: Deviating = Deviating { base: 0.05, deviation: 0.02 };
+const DISTANCE: Deviating = Deviating { base: 0.1, deviation: 0.05 };
+const TURNS: Deviating = Deviating { base: 0.1, deviation: 0.05 };
+
+/// The model of instances, below the folder of scenes: the Stanford bunny, as in the thesis.
+const MODEL: &str = "bunny/bunny.obj";
+
+/// Returns the numbers of instances of the last experiment.
+pub(super) fn compared(quick: bool) -> [usize; 2] {
+    COMPARED.map(|count| if quick { count / QUICK } else { count })
+}
+
+/// Returns the number of instances of the third experiment.
+pub(super) fn most(quick: bool) -> usize {
+    if quick { MOST / QUICK } else { MOST }
+}
+
+/// Returns the number of runs with instances per scene.
+pub(super) fn runs() -> usize {
+    COMPARED.len() * methods().len() + 2
+}
+
+/// The methods compared with instances: `auto` chooses as without them.
+fn methods() -> &'static [Trial] {
+    const { &Trial::COMPARED }.split_last().map_or(&[], |(_, methods)| methods)
+}
+
+/// Reads the model of instances; a quick run takes a scene instead if it is not at hand.
+///
+/// # Errors
+/// Why there is none, in words.
+pub(super) fn model(folder: &Path, quick: bool, otherwise: &Path) -> Result<Scene, String> {
+    let bunny: PathBuf = folder.join(MODEL);
+    let path = if bunny.is_file() || !quick { &bunny } else { otherwise };
+    if !path.is_file() {
+        return Err(format!("{}: no such file; it is the model of the instances", path.display()));
+    }
+    read_instance(path).map(|(model, _)| model).map_err(|e| e.to_string())
+}
+
+impl Experiments<'_, '_> {
+    /// Runs the setups with instances on a scene, and draws them if asked for.
+    pub(super) fn crowds(
+        &mut self,
+        subject: &mut Subject,
+        model: &Scene,
+        drawn: bool,
+    ) -> Result<(Vec<Crowded>, Vec<Figure>), Failure> {
+        let (quick, mut crowds, mut figures) = (self.options.quick, Vec::new(), Vec::new());
+        let [few, many] = compared(quick);
+        for instances in [few, many, most(quick)] {
+            let copies = crowd(instances, &subject.scene).place(&subject.scene.core().bounds());
+            subject.instances = Some(Instances { model: model.clone(), copies });
+            let mut session = Session::new(self.bench, subject).map_err(Failure::Scene)?;
+            let trials: Vec<Option<Trial>> = match instances == most(quick) {
+                true => vec![Some(Trial::Single), None],
+                false => methods().iter().copied().map(Some).collect(),
+            };
+            for trial in trials {
+                let row = self.crowded(&mut session, instances, trial)?;
+                crowds.push(Crowded { instances, trial, row });
+            }
+            if drawn {
+                figures.push(pictures::crowd(&session, instances, self.picture(), &self.options.out)?);
+            }
+        }
+        Ok((crowds, figures))
+    }
+
+    fn crowded(
+        &mut self,
+        session: &mut Session,
+        instances: usize,
+        trial: Option<Trial>,
+    ) -> Result<crate::lab::bench::RunRow, Failure> {
+        let name = trial.map_or_else(|| "instances only".to_owned(), Trial::name);
+        let setup = self.setup(trial.unwrap_or(Trial::Single));
+        let setup = Setup { name: format!("{name}, {instances} instances"), ..setup };
+        let step = format!("{}: {}", session.subject.name, setup.name);
+        (self.progress)(&Step { done: self.step, of: self.steps, name: step });
+        self.step += 1;
+        if let Some(row) = self.table.known(&session.id(&setup)) {
+            return Ok(row.clone());
+        }
+        let row = if trial.is_some() { session.run(&setup) } else { session.run_alone(&setup) };
+        let row = row.map_err(Failure::Scene)?;
+        self.table.append(&row).map_err(Failure::Output)?;
+        self.fail_untimed(&row);
+        Ok(row)
+    }
+}
+
+fn crowd(instances: usize, scene: &Scene) -> Crowd {
+    let diagonal = scene.core().bounds().diagonal();
+    let scaled = |of: Deviating| Deviating { base: of.base * diagonal, deviation: of.deviation * diagonal };
+    Crowd {
+        copies: instances,
+        animated: instances,
+        speed: scaled(SPEED),
+        distance: scaled(DISTANCE),
+        turns: TURNS,
+        seed: super::SEED,
+    }
+}
+
+/// Creates the folder of figures.
+pub(super) fn create(folder: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|e| Failure::Output(crate::lab::LabError::file(folder, e)))
+}
