@@ -1,8 +1,8 @@
 //! Colours of groups and instances: few and far apart, so that neighbours differ.
 //!
 //! Greedy colouring in order, as of D. Welsh, M. Powell, "An upper bound for the chromatic number of a graph and its
-//! application to timetabling problems", The Computer Journal 10(1), 1967; if all colours are taken by neighbours, the
-//! one farthest from theirs is used.
+//! application to timetabling problems", The Computer Journal 10(1), 1967; if no colour is unlike those of neighbours,
+//! the one farthest from theirs is used.
 
 use glam::{DVec3, Vec3};
 
@@ -15,8 +15,16 @@ use crate::tree::{Quality, Tree};
 const HUES: usize = 10;
 const LIGHTNESS: [f32; 3] = [0.72, 0.56, 0.86];
 const CHROMA: f32 = 0.125;
-/// Neighbours of one box that are looked at: in a heap of thousands of boxes no more colours could be told apart.
-const MOST_NEIGHBOURS: usize = 32;
+/// Share of a difference in lightness that counts: a light and a dark colour of one hue look alike.
+const LIGHTNESS_COUNTS: f32 = 0.5;
+/// Distance of colours that look unlike: more than between neighbours on the circle of hues, or between a light and a dark
+/// colour of one hue.
+const UNLIKE: f32 = 0.14;
+/// Neighbours of one box that it must differ from, those that it touches most: in a heap of thousands of boxes, more could
+/// not be told apart.
+const MOST_NEIGHBOURS: usize = 12;
+/// Neighbours of one box that are looked at to find these.
+const MOST_FOUND: usize = 256;
 /// Boxes closer than this are neighbours, over the diagonal of the scene's core.
 const REACH: f64 = 0.002;
 /// Step from one index to the next among the colours, so that consecutive ones differ.
@@ -52,24 +60,38 @@ fn coloured(scene: &Scene, owners: &[u32], count: usize) -> Vec<Vec3> {
         let taken: Vec<usize> = neighbours[owner].iter().filter_map(|&n| chosen[n as usize]).collect();
         chosen[owner] = Some(pick(&colours, owner, &taken));
     }
-    owners.iter().map(|&owner| colours[chosen[owner as usize].unwrap_or(0)]).collect()
+    owners.iter().map(|&owner| colours[chosen[owner as usize].unwrap_or(0)].light).collect()
 }
 
-fn colours() -> Vec<Vec3> {
+/// A colour of the palette.
+struct Colour {
+    light: Vec3,
+    /// Its place among colours: the farther apart two are, the less alike they look (B. Ottosson, "A perceptual color space
+    /// for image processing", 2020).
+    place: Vec3,
+}
+
+fn colours() -> Vec<Colour> {
     let of = |i: usize| {
         let ring = i / HUES;
-        of_hue(LIGHTNESS[ring], CHROMA, (i % HUES) as f32 / HUES as f32 + 0.03 * ring as f32)
+        let hue = (i % HUES) as f32 / HUES as f32 + 0.03 * ring as f32;
+        let (sin, cos) = (std::f32::consts::TAU * hue).sin_cos();
+        let place = Vec3::new(LIGHTNESS_COUNTS * LIGHTNESS[ring], CHROMA * cos, CHROMA * sin);
+        Colour { light: of_hue(LIGHTNESS[ring], CHROMA, hue), place }
     };
     (0..HUES * LIGHTNESS.len()).map(of).collect()
 }
 
-/// Returns the first free colour, or the one farthest from those taken.
-fn pick(colours: &[Vec3], owner: usize, taken: &[usize]) -> usize {
-    let order = (0..colours.len()).map(|i| (owner * STRIDE + i * STRIDE) % colours.len());
-    let distance = |i: usize| taken.iter().map(|&t| colours[i].distance(colours[t])).fold(1.0, f32::min);
+/// Returns the first colour that looks unlike those taken, or else the one farthest from them. Owners begin at different
+/// colours, so that many are used.
+fn pick(colours: &[Colour], owner: usize, taken: &[usize]) -> usize {
+    let distance = |i: usize| taken.iter().map(|&t| colours[i].place.distance(colours[t].place)).fold(1.0, f32::min);
     let mut best = (owner * STRIDE % colours.len(), -1.0);
-    for i in order {
+    for i in (0..colours.len()).map(|i| (owner * STRIDE + i * STRIDE) % colours.len()) {
         let distance = distance(i);
+        if distance >= UNLIKE {
+            return i;
+        }
         if distance > best.1 {
             best = (i, distance);
         }
@@ -77,7 +99,8 @@ fn pick(colours: &[Vec3], owner: usize, taken: &[usize]) -> usize {
     best.0
 }
 
-/// Returns for each instance up to [`MOST_NEIGHBOURS`] instances whose boxes touch its own or nearly do.
+/// Returns for each instance up to [`MOST_NEIGHBOURS`] instances whose boxes touch its own or nearly do, those first whose
+/// boxes share most of their surface with it.
 fn neighbours_of(scene: &Scene) -> Vec<Vec<u32>> {
     let reach = DVec3::splat(REACH * scene.core().bounds().diagonal());
     let boxes: Vec<Bounds> =
@@ -92,7 +115,7 @@ fn meeting(tree: &Tree, nodes: &[Bounds], boxes: &[Bounds], of: usize) -> Vec<u3
     let mut stack = if nodes.is_empty() { vec![] } else { vec![0] };
     while let Some(at) = stack.pop() {
         let node = tree.nodes[at as usize];
-        if !nodes[at as usize].overlaps(&boxes[of]) || met.len() >= MOST_NEIGHBOURS {
+        if !nodes[at as usize].overlaps(&boxes[of]) || met.len() >= MOST_FOUND {
             continue;
         }
         if node.is_leaf() {
@@ -102,6 +125,9 @@ fn meeting(tree: &Tree, nodes: &[Bounds], boxes: &[Bounds], of: usize) -> Vec<u3
             stack.extend([node.first, node.first + 1]);
         }
     }
+    let shared = |other: u32| boxes[of].intersection(&boxes[other as usize]).area();
+    met.sort_by(|&a, &b| shared(b).total_cmp(&shared(a)).then(a.cmp(&b)));
+    met.truncate(MOST_NEIGHBOURS);
     met
 }
 
@@ -122,6 +148,19 @@ mod tests {
         assert!(groups.windows(2).all(|pair| pair[0].distance(pair[1]) > 0.1), "{groups:?}");
         let instances = of_instances(&scene);
         assert!(instances.windows(2).all(|pair| pair[0].distance(pair[1]) > 0.1), "{instances:?}");
+    }
+
+    #[test]
+    fn pieces_in_a_row_have_hues_that_differ() {
+        let places: Vec<_> = (0..60).map(|i| (i, DAffine3::from_translation(DVec3::X * 2.0 * f64::from(i)))).collect();
+        let scene = scene((0..60).map(|i| cube(i, None)).collect(), &places);
+        let (groups, palette) = (of_groups(&scene), colours());
+        let place = |light: &Vec3| palette.iter().find(|colour| colour.light == *light).map(|colour| colour.place);
+        let places: Vec<Vec3> = groups.iter().filter_map(place).collect();
+        assert_eq!(places.len(), 60);
+        assert!(places.windows(2).all(|pair| pair[0].distance(pair[1]) >= UNLIKE), "{places:?}");
+        let used: std::collections::BTreeSet<String> = groups.iter().map(Vec3::to_string).collect();
+        assert!(used.len() >= 20, "only {} colours are used", used.len());
     }
 
     #[test]
