@@ -115,6 +115,7 @@ pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
 }
 
 /// Like [`read`], with the document too.
+#[cfg(feature = "lab")]
 pub(crate) fn read_document(path: &Path) -> Result<(Document, Scene, Vec<String>), CommandError> {
     load(path).map(|loaded| (loaded.doc, loaded.scene, loaded.warnings))
 }

@@ -68,8 +68,10 @@ pub(crate) struct FramePlan {
     /// For each TLAS, whether it is ever refitted.
     pub(crate) refits: Vec<bool>,
     /// The meshes that deform, in ascending order.
+    #[cfg_attr(not(feature = "vulkan"), allow(dead_code, reason = "only devices read it"))]
     pub(crate) deforming: Vec<usize>,
     /// How a device builds structures. Whether they can be updated follows from the plan.
+    #[cfg_attr(not(feature = "vulkan"), allow(dead_code, reason = "only devices read it"))]
     pub(crate) build: BuildOptions,
 }
 
