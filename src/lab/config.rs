@@ -10,6 +10,7 @@ use toml::Spanned;
 
 use super::LabError;
 use super::error_vs_time::{self, Bake, ErrorVsTime};
+use super::flags::{self, Flags};
 use super::motion::{self, Motion};
 use crate::choose::ChooseOptions;
 use crate::choose::model::Class;
@@ -36,6 +37,8 @@ pub(super) struct Config {
     pub(super) fit: Option<Class>,
     /// What to measure instead of prices.
     pub(super) error_vs_time: Option<ErrorVsTime>,
+    /// Build flags to measure instead.
+    pub(super) flags: Option<Flags>,
     /// What to move and measure instead.
     pub(super) motion: Option<Motion>,
 }
@@ -59,6 +62,7 @@ struct Keys {
     #[serde(rename = "error-vs-time")]
     error_vs_time: Option<Spanned<error_vs_time::Keys>>,
     motion: Option<Spanned<motion::Keys>>,
+    flags: Option<Spanned<flags::Keys>>,
 }
 
 #[derive(Deserialize)]
@@ -86,12 +90,9 @@ impl Config {
                 Some(made) if made.has_scenes() && keys.scenes.get_ref().is_empty() => Vec::new(),
                 _ => scenes(&source, &keys.scenes, folder)?,
             },
-            plans: match &motion {
-                Some(_) if keys.methods.is_none() && keys.effort.is_none() => {
-                    [Method::Keep, Method::Single].map(of_method).into()
-                }
-                _ if is_fit => chosen_plans(&source, &keys)?,
-                _ => Vec::new(),
+            plans: match given_plans(&keys, is_fit) {
+                Some(plans) => plans,
+                None => chosen_plans(&source, &keys)?,
             },
             verify: verify_options(&source, &keys)?,
             counted_rays: counted_rays(&source, &keys)?.unwrap_or(Effort::default().rays()),
@@ -100,6 +101,7 @@ impl Config {
             fit: keys.fit.as_ref().map(|fit| class(&source, &fit.class)).transpose()?,
             error_vs_time,
             motion,
+            flags: flags(&source, &keys)?,
         };
         match keys.fit.map(|fit| (config.cannot_fit(), fit.class.span())) {
             Some((Some(why), span)) => Err(source.error(Some(span), format!("`fit`: {why}"))),
@@ -194,6 +196,27 @@ fn motion(source: &Source<'_>, keys: &Keys, folder: &Path) -> Result<Option<Moti
     }
     let common = (&verify_options(source, keys)?, counted_rays(source, keys)?);
     Motion::read(source, table.get_ref(), folder, common).map(Some)
+}
+
+/// The experiment `[flags]`.
+fn flags(source: &Source<'_>, keys: &Keys) -> Result<Option<Flags>, LabError> {
+    let Some(table) = &keys.flags else { return Ok(None) };
+    if keys.fit.is_some() || keys.error_vs_time.is_some() || keys.motion.is_some() {
+        let cause = "`flags` cannot be given with `fit`, `error-vs-time` or `motion`";
+        return Err(source.error(Some(table.span()), cause));
+    }
+    Flags::read(source, table, &verify_options(source, keys)?).map(Some)
+}
+
+/// The layouts of an experiment that does not measure all of them, unless the configuration names some.
+fn given_plans(keys: &Keys, is_fit: bool) -> Option<Vec<Plan>> {
+    let are_named = keys.methods.is_some() || keys.effort.is_some();
+    match () {
+        () if !is_fit => Some(Vec::new()),
+        () if keys.motion.is_some() && !are_named => Some([Method::Keep, Method::Single].map(of_method).into()),
+        () if keys.flags.is_some() && !are_named => Some([Method::Single, Method::PerObject].map(of_method).into()),
+        () => None,
+    }
 }
 
 /// How layouts are timed.

@@ -7,6 +7,7 @@ mod config;
 mod error_vs_time;
 pub mod extreme;
 mod fit;
+mod flags;
 mod matrix;
 mod motion;
 mod nnls;
@@ -25,6 +26,7 @@ pub use actions::{ActionsResult, lists_actions, run_actions};
 pub use bench::{KindRun, RunRow};
 pub use error_vs_time::{ErrorRow, Value};
 pub use fit::{Fit, FitError, KindFit, Predicted, SCHEMA};
+pub use flags::FlagsRow;
 pub use motion::{MotionRow, PolicySummary};
 pub use quality::Quality;
 pub use rows::{KindRow, Row};
@@ -81,6 +83,8 @@ pub struct Lab {
     pub rows: Vec<Row>,
     /// A row for each tracer of each layout, of the experiment `error-vs-time`.
     pub error_rows: Vec<ErrorRow>,
+    /// A row for each layout of each scene with each set of build flags, of the experiment `flags`.
+    pub flag_rows: Vec<FlagsRow>,
     /// What the frames of each policy come to, of the experiment `motion`.
     pub policies: Vec<PolicySummary>,
     /// Hits that rounding does not explain, of the experiment `motion`, in words.
@@ -109,10 +113,11 @@ pub fn run(config: &Path, progress: &mut dyn FnMut(&str)) -> Result<Lab, LabErro
     let machine = Machine::open(&config.verify.device);
     let machine = machine.map_err(|e| LabError::Device(e.to_string().replace("--device", "`device`")))?;
     let notes: Vec<String> = machine.notes().iter().map(ToString::to_string).collect();
-    match (&config.error_vs_time, &config.motion) {
-        (Some(_), _) => measure_errors(config, &machine, notes, progress),
-        (_, Some(moving)) => measure_motion(&config, moving, &machine, notes, progress),
-        (None, None) => measure_layouts(config, &machine, notes, progress),
+    match &config {
+        Config { error_vs_time: Some(_), .. } => measure_errors(config, &machine, notes, progress),
+        Config { motion: Some(moving), .. } => measure_motion(&config, moving, &machine, notes, progress),
+        Config { flags: Some(flags), .. } => measure_flags(&config, flags, &machine, notes, progress),
+        _ => measure_layouts(config, &machine, notes, progress),
     }
 }
 
@@ -132,6 +137,30 @@ fn measure_errors(
     Ok(Lab { error_rows: done.rows, out, notes, warnings: done.warnings, text, ..Lab::default() })
 }
 
+/// What experiments over layouts of scenes have in common.
+fn common(config: &Config) -> motion::Common<'_> {
+    motion::Common {
+        scenes: &config.scenes,
+        plans: &config.plans,
+        verify: &config.verify,
+        out: &config.out,
+        skip_broken: config.skip_broken,
+    }
+}
+
+/// Builds layouts with sets of flags.
+fn measure_flags(
+    config: &Config,
+    flags: &flags::Flags,
+    machine: &Machine,
+    mut notes: Vec<String>,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Lab, LabError> {
+    let flags::Measured { rows, notes: more, warnings, text } = flags::run(flags, &common(config), machine, progress)?;
+    notes.extend(more);
+    Ok(Lab { flag_rows: rows, out: config.out.clone(), notes, warnings, text, ..Lab::default() })
+}
+
 /// Traces frames of scenes that move.
 fn measure_motion(
     config: &Config,
@@ -140,13 +169,7 @@ fn measure_motion(
     mut notes: Vec<String>,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Lab, LabError> {
-    let common = motion::Common {
-        scenes: &config.scenes,
-        plans: &config.plans,
-        verify: &config.verify,
-        out: &config.out,
-        skip_broken: config.skip_broken,
-    };
+    let common = common(config);
     let motion::Measured { summaries, notes: more, warnings, faults, text } =
         motion::run(moving, &common, machine, progress)?;
     notes.extend(more);

@@ -9,9 +9,9 @@ use raykiln_formats::staging::{Folder, Hold};
 use super::LabError;
 use super::error_vs_time;
 use super::fit::Fit;
-use super::motion;
 use super::quality::Quality;
 use super::rows::{Row, to_csv, to_json_lines};
+use super::{flags, motion};
 use crate::choose::model::{Class, Prices};
 use crate::report::json::to_json;
 use crate::verify::MachineKind;
@@ -31,6 +31,7 @@ pub(super) fn check(out: &Path) -> Result<(), LabError> {
             .chain(&error_vs_time::NAMES)
             .chain(&motion::NAMES)
             .chain(&motion::SUMMARIES)
+            .chain(&flags::NAMES)
             .any(|name| out.join(name).is_dir()) =>
         {
             bad("holds a folder where a table belongs")

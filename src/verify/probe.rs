@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::build::Built;
+use super::build::{BuildOptions, Built};
 use super::cpu::{ComputingTracer, TrueHit};
 use super::{
     Machine, VerifyOptions,
@@ -11,7 +11,6 @@ use super::{
 #[cfg(feature = "vulkan")]
 use super::{
     Tracer,
-    build::BuildOptions,
     tracing::seen_by,
     vulkan::{Error, Pipelines, VulkanTracer},
 };
@@ -91,6 +90,9 @@ impl Probe for ComputingTracer<'_> {
 pub(crate) trait Prober {
     /// Builds the acceleration structures of a scene.
     fn probe(&self, scene: &Scene) -> Result<Box<dyn Probe + '_>, String>;
+
+    /// Like [`Prober::probe`], with other options than those of the prober.
+    fn probe_built(&self, scene: &Scene, build: BuildOptions) -> Result<Box<dyn Probe + '_>, String>;
 }
 
 #[cfg(feature = "vulkan")]
@@ -102,7 +104,11 @@ struct VulkanProber<'d> {
 #[cfg(feature = "vulkan")]
 impl Prober for VulkanProber<'_> {
     fn probe(&self, scene: &Scene) -> Result<Box<dyn Probe + '_>, String> {
-        let tracer = VulkanTracer::new(&self.pipelines, scene, self.build).map_err(in_words)?;
+        self.probe_built(scene, self.build)
+    }
+
+    fn probe_built(&self, scene: &Scene, build: BuildOptions) -> Result<Box<dyn Probe + '_>, String> {
+        let tracer = VulkanTracer::new(&self.pipelines, scene, build).map_err(in_words)?;
         Ok(Box::new(tracer))
     }
 }

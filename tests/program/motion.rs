@@ -136,6 +136,36 @@ fn the_animation_of_a_file_plays_in_each_layout() {
 }
 
 #[test]
+#[cfg(feature = "vulkan")]
+fn each_layout_is_built_with_each_set_of_flags() {
+    let folder = folder();
+    let config = "scenes = ['overlapping.glb']\nout = 'out'\ndevice = 'llvmpipe'\nrays = 64\nrepeats = 1\n[flags]\n";
+    let ran = lab(folder.path(), config, &[]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let text = fs::read_to_string(folder.path().join("out/flags.jsonl")).unwrap();
+    let rows: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert_eq!(rows.len(), 2 * 3 * 2 * 2);
+    let sets: std::collections::BTreeSet<String> = rows
+        .iter()
+        .map(|row| {
+            assert!(
+                row["blas_build_ms"].as_f64() > Some(0.0)
+                    && row["kinds"]["primary"]["mrays_per_s"].as_f64() > Some(0.0)
+            );
+            assert_eq!(row["blas_bytes_compacted"].is_number(), row["compact"] == true, "{row}");
+            ["layout", "prefer", "allow_update", "compact"].map(|key| row[key].to_string()).join(" ")
+        })
+        .collect();
+    assert_eq!(sets.len(), 24);
+    assert_eq!(csv::Reader::from_path(folder.path().join("out/flags.csv")).expect("a table").records().count(), 24);
+    assert!(ran.stdout.starts_with("# Layouts against build flags on llvmpipe"), "{}", ran.stdout);
+    let on_cpu = lab(folder.path(), &config.replace("llvmpipe", "cpu"), &[]);
+    assert!(on_cpu.status == 2 && on_cpu.stderr.contains("no Vulkan device"), "{}", on_cpu.stderr);
+    let wrong = lab(folder.path(), &format!("{config}prefer = ['fast']\n"), &[]);
+    assert!(wrong.stderr.contains("lab.toml:7: `prefer`: there is no `fast`"), "{}", wrong.stderr);
+}
+
+#[test]
 fn bad_configurations_are_refused_with_their_line_and_leave_nothing() {
     let folder = folder();
     for (from, to, words) in [

@@ -29,7 +29,7 @@ use crate::verify::{Machine, MachineKind, rays};
 use errors::{RayErrors, Truth};
 use made::{Made, make_all};
 use placed::Placement;
-use timing::Pace;
+pub(in crate::lab) use timing::Pace;
 
 /// Results of the experiment.
 #[derive(Debug, Default)]

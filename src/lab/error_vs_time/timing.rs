@@ -11,7 +11,7 @@ use crate::verify::speed::median;
 use crate::verify::weights::Weights;
 
 /// The input as its tracers are timed with.
-pub(super) struct Pace<'a> {
+pub(in crate::lab) struct Pace<'a> {
     probe: Box<dyn Probe + 'a>,
     rays: PerKind<Vec<Ray>>,
     /// Seconds of each kind through the input.
@@ -24,7 +24,11 @@ impl<'a> Pace<'a> {
     ///
     /// # Errors
     /// Those of the tracer.
-    pub(super) fn new(probe: Box<dyn Probe + 'a>, rays: PerKind<Vec<Ray>>, repeats: u32) -> Result<Self, String> {
+    pub(in crate::lab) fn new(
+        probe: Box<dyn Probe + 'a>,
+        rays: PerKind<Vec<Ray>>,
+        repeats: u32,
+    ) -> Result<Self, String> {
         let seconds = PerKind::try_of(|kind| {
             seconds(probe.as_ref(), kind, &rays[kind])?;
             let times: Result<Vec<f64>, String> =
@@ -39,9 +43,17 @@ impl<'a> Pace<'a> {
     /// # Errors
     /// Those of the tracers.
     pub(super) fn nanoseconds(&self, probes: &[&dyn Probe], weights: &Weights) -> Result<Vec<f64>, String> {
-        let kinds = PerKind::try_of(|kind| self.of_kind(kind, probes))?;
+        let kinds = self.kinds(probes)?;
         let of_probe = |i: usize| weights.mean(&kinds.each_ref().map(|times| times[i]));
         Ok((0..probes.len()).map(of_probe).collect())
+    }
+
+    /// Returns the nanoseconds per ray of each kind and tracer.
+    ///
+    /// # Errors
+    /// Those of the tracers.
+    pub(in crate::lab) fn kinds(&self, probes: &[&dyn Probe]) -> Result<PerKind<Vec<f64>>, String> {
+        PerKind::try_of(|kind| self.of_kind(kind, probes))
     }
 
     fn of_kind(&self, kind: RayKind, probes: &[&dyn Probe]) -> Result<Vec<f64>, String> {
