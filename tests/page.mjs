@@ -160,7 +160,7 @@ async function checkNarrow(page, name) {
 
 async function checkBake(browser) {
   const { page, faults, close } = await open(browser, 'bake.html', { colorScheme: 'light' });
-  await checkCharts(page, 6);
+  await checkCharts(page, 7);
   await checkNames(page);
   await checkSearch(page);
   await checkPane(page);
@@ -187,6 +187,19 @@ async function checkOther(browser, name, charts) {
   await close();
 }
 
+async function checkRounds(browser) {
+  const { page, faults, close } = await open(browser, 'rounds.html', { colorScheme: 'light' });
+  const said = () => page.textContent('#of-round');
+  const last = await page.$eval('#round', (slider) => slider.max);
+  assert.ok(last > 0 && (await said()).startsWith(`${last} of ${last}: `) && (await said()).endsWith('taken'));
+  await page.fill('#round', '0');
+  assert.match(await said(), /^0 of \d+: groups \d+, splits 0, merges 0, overlap ratio [\d.]+/);
+  assert.equal(await page.getAttribute('.cursor', 'transform'), 'translate(0)');
+  await checkAccessible(page, 'rounds');
+  assert.deepEqual(faults, []);
+  await close();
+}
+
 async function checkWithoutWebGl(browser) {
   const prepare = () => {
     HTMLCanvasElement.prototype.getContext = () => null;
@@ -206,8 +219,9 @@ const browser = await chromium.launch({
 });
 try {
   await checkBake(browser);
-  await checkOther(browser, 'verify', 3);
-  await checkOther(browser, 'inspect', 2);
+  await checkOther(browser, 'verify', 4);
+  await checkOther(browser, 'inspect', 3);
+  await checkRounds(browser);
   await checkWithoutWebGl(browser);
 } finally {
   await browser.close();

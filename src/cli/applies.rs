@@ -49,7 +49,7 @@ mod tests {
     }
 
     /// For each option with a value: the methods that it applies to, without and with `--instances choose`.
-    const TABLE: [(&str, &str, &str); 18] = [
+    const TABLE: [(&str, &str, &str); 19] = [
         ("--effort 2", "auto", "auto"),
         ("--device-class rt-cores", "auto", "auto"),
         ("--nodes-per-triangle-ratio 0.1", "bvh", "bvh"),
@@ -58,6 +58,7 @@ mod tests {
         ("--split-or-merge-ratio 0.1", "overlap auto", "overlap auto"),
         ("--split-ratio 0.1", "overlap auto", "overlap auto"),
         ("--termination-overlap-ratio 0.1", "overlap auto", "overlap auto"),
+        ("--overlap-rule thesis", "overlap auto", "overlap auto"),
         ("--min-triangles 9", "bvh overlap auto", "bvh overlap auto"),
         ("--max-bytes-ratio 2", "single bvh overlap cluster auto", "single bvh overlap cluster auto"),
         ("--pieces 4", "auto", "single bvh overlap cluster auto"),

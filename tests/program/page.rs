@@ -48,6 +48,15 @@ fn page(folder: &Path, name: &str, arguments: &[&str]) -> String {
     fs::read_to_string(html).expect("the page is written")
 }
 
+/// Makes a page with a slider through the rounds of `overlap`.
+fn page_with_rounds(folder: &Path) {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/overlapping/scene.glb");
+    let [output, html] = ["rounds.glb", "rounds.html"].map(|name| folder.join(name));
+    let [scene, output, html] = [&scene, &output, &html].map(|path| path.to_str().expect("UTF-8"));
+    let ran = raykiln(["bake", scene, "-o", output, "--method", "overlap", "--device", "cpu", "--report", html]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+}
+
 /// Makes the pages of all commands for a scene with hostile names.
 fn pages(folder: &Path) -> [(&'static str, String); 3] {
     let scene = hostile_scene(folder);
@@ -81,6 +90,7 @@ fn pages_are_small_hold_their_report_and_work_in_a_browser_whatever_the_names() 
         assert!(forbidden.iter().all(|text| !page.contains(text)), "{name}");
         assert_ne!(embedded(&page, "scene-data")["objects"]["names"], json!([]), "{name}");
     }
+    page_with_rounds(folder.path());
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let ran =
         Command::new("node").arg(root.join("tests/page.mjs")).arg(root.join("target/npm")).arg(folder.path()).output();
