@@ -1,12 +1,13 @@
 //! The table of runs, written row by row.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::row::RunRow;
 use crate::lab::LabError;
+use crate::lab::tables::Tables;
 
 /// The names of the tables.
 pub(in crate::lab) const NAMES: [&str; 2] = ["runs.csv", "runs.jsonl"];
@@ -14,8 +15,7 @@ pub(in crate::lab) const NAMES: [&str; 2] = ["runs.csv", "runs.jsonl"];
 /// The files of the table. Each row is in both files before the next run begins.
 pub(in crate::lab) struct RunTable {
     folder: PathBuf,
-    csv: File,
-    lines: File,
+    tables: Tables,
     /// Swept keys: columns of every row.
     settings: Vec<String>,
     /// Rows of an earlier run that is resumed, by their ids.
@@ -29,21 +29,14 @@ impl RunTable {
     /// # Errors
     /// Fails if a file cannot be read or written.
     pub(in crate::lab) fn create(folder: &Path, settings: &[String], resume: bool) -> Result<RunTable, LabError> {
-        fs::create_dir_all(folder).map_err(|e| LabError::file(folder, e))?;
-        let [csv, lines] = NAMES.map(|name| folder.join(name));
-        let known = if resume { read(&lines)? } else { Vec::new() };
-        let open = |path: &Path| File::create(path).map_err(|e| LabError::file(path, e));
+        let known = if resume { read(&folder.join(NAMES[1]))? } else { Vec::new() };
+        let columns = completed(&RunRow::default(), settings).columns();
         let mut table = RunTable {
             folder: folder.to_owned(),
-            csv: open(&csv)?,
-            lines: open(&lines)?,
+            tables: Tables::create(folder, NAMES, &columns)?,
             settings: settings.to_vec(),
             known: BTreeMap::new(),
         };
-        let names: Vec<String> =
-            table.completed(&RunRow::default()).columns().into_iter().map(|(name, _)| name).collect();
-        let header = record(names.iter()).and_then(|header| table.csv.write_all(&header));
-        header.map_err(|e| LabError::file(&csv, e))?;
         for row in known {
             table.append(&row)?;
             table.known.insert(row.id.clone(), row);
@@ -61,24 +54,19 @@ impl RunTable {
     /// # Errors
     /// Fails if a file cannot be written.
     pub(in crate::lab) fn append(&mut self, row: &RunRow) -> Result<(), LabError> {
-        let columns = self.completed(row).columns();
-        let line = serde_json::to_string(row).map_err(io::Error::from).map(|line| line + "\n");
-        let written = record(columns.iter().map(|(_, value)| value))
-            .and_then(|record| self.csv.write_all(&record))
-            .and(line)
-            .and_then(|line| self.lines.write_all(line.as_bytes()));
-        written.map_err(|e| LabError::file(&self.folder, e))
+        let columns = completed(row, &self.settings).columns();
+        self.tables.append(&columns, row).map_err(|e| LabError::file(&self.folder, e))
     }
+}
 
-    /// Returns a row with a column for every swept key.
-    fn completed(&self, row: &RunRow) -> RunRow {
-        let mut row = row.clone();
-        for name in &self.settings {
-            row.settings.entry(name.clone()).or_default();
-        }
-        row.settings.retain(|name, _| self.settings.contains(name));
-        row
+/// Returns a row with a column for every swept key.
+fn completed(row: &RunRow, settings: &[String]) -> RunRow {
+    let mut row = row.clone();
+    for name in settings {
+        row.settings.entry(name.clone()).or_default();
     }
+    row.settings.retain(|name, _| settings.contains(name));
+    row
 }
 
 /// Reads the rows of a table; a last line that was not finished is left out.
@@ -97,13 +85,6 @@ pub(in crate::lab) fn read(lines: &Path) -> Result<Vec<RunRow>, LabError> {
         }
     }
     Ok(rows)
-}
-
-/// Returns a record of a CSV file.
-fn record<'a>(values: impl Iterator<Item = &'a String>) -> io::Result<Vec<u8>> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(values)?;
-    writer.into_inner().map_err(|e| e.into_error())
 }
 
 #[cfg(test)]
