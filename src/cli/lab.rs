@@ -111,15 +111,18 @@ fn generate(out: &Path, seed: u64, large: bool, output: &Output) -> Result<ExitC
     Ok(ExitCode::SUCCESS)
 }
 
+/// Shows the step that begins; with `-v`, its name stays.
+fn enter(progress: &mut Counted, step: &lab::thesis::Step, output: &Output) {
+    progress.enter(step);
+    if output.verbose > 0 {
+        print_note(&step.name);
+    }
+}
+
 /// Runs the actions of a file, and states what was written.
 fn act(file: &Path, resume: bool, output: &Output) -> Result<ExitCode> {
     let mut progress = Counted::new(output.quiet);
-    let done = lab::run_actions(file, resume, &mut |step| {
-        progress.enter(step);
-        if output.verbose > 0 {
-            print_note(&step.name);
-        }
-    });
+    let done = lab::run_actions(file, resume, &mut |step| enter(&mut progress, step, output));
     progress.finish();
     let done = done?;
     if !output.quiet {
@@ -140,12 +143,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// Repeats the thesis's experiments, and states where the page is.
 fn thesis(options: &lab::thesis::ThesisOptions, output: &Output) -> Result<ExitCode> {
     let mut progress = Counted::new(output.quiet);
-    let done = lab::thesis::thesis(options, &mut |step| {
-        progress.enter(step);
-        if output.verbose > 0 {
-            print_note(&step.name);
-        }
-    });
+    let done = lab::thesis::thesis(options, &mut |step| enter(&mut progress, step, output));
     progress.finish();
     let done = done?;
     if !output.quiet {
