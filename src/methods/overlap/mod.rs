@@ -137,7 +137,7 @@ impl<'a> Reduction<'a> {
         let mut seen = FxHashSet::default();
         while list.len() <= MOST_ROUNDS && seen.insert(self.fingerprint()) {
             let ratio = list[list.len() - 1].overlap_ratio;
-            if self.has_ended(ratio) || !self.round(ratio) {
+            if !self.round(ratio) {
                 break;
             }
             list.push(self.state(series.as_mut()));
@@ -176,17 +176,6 @@ impl<'a> Reduction<'a> {
         self.live.iter().map(key).fold(0, u64::wrapping_add)
     }
 
-    /// Whether the overlap is low enough. The thesis sums the pairs in the queue only.
-    fn has_ended(&self, overlap_ratio: f64) -> bool {
-        let least = self.options.termination_overlap_ratio;
-        match self.options.rule {
-            OverlapRule::Improved => overlap_ratio < least,
-            OverlapRule::Thesis => {
-                least > 0.0 && self.queue(overlap_ratio).iter().map(|task| task.area).sum::<f64>() < least * self.area()
-            }
-        }
-    }
-
     /// The area that overlaps are relative to.
     fn area(&self) -> f64 {
         match self.options.rule {
@@ -201,20 +190,29 @@ impl<'a> Reduction<'a> {
         overlap::ratio(&boxes)
     }
 
-    /// Makes one pass through the queue; returns whether anything changed.
+    /// Makes one pass through the queue; returns whether anything changed. Nothing does once the overlap is low enough, for
+    /// which the thesis sums the pairs in the queue only.
     fn round(&mut self, overlap_ratio: f64) -> bool {
+        let (is_literal, least) = (self.options.rule == OverlapRule::Thesis, self.options.termination_overlap_ratio);
+        if !is_literal && overlap_ratio < least {
+            return false;
+        }
         if self.merge_crowds() {
             return true;
         }
+        let queue = self.queue(overlap_ratio);
+        if is_literal && queue.iter().map(|task| task.area).sum::<f64>() < least * self.area() {
+            return false;
+        }
         let (mut dirty, mut gone) = (vec![false; self.live.len()], vec![false; self.live.len()]);
         let mut successors = Vec::new();
-        for Task { places, area } in self.queue(overlap_ratio) {
+        for Task { places, area } in queue {
             if places.iter().any(|&place| dirty[place]) {
                 continue;
             }
             let new = self.process(places.map(|place| self.live[place]), area);
             for place in places {
-                dirty[place] = new.is_some() || self.options.rule == OverlapRule::Thesis;
+                dirty[place] = new.is_some() || is_literal;
                 gone[place] = new.is_some();
             }
             successors.extend(new.into_iter().flatten());
