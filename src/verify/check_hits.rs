@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::Hit;
 use super::approach::Approach;
-use super::compare::{Judgement, View, at_an_end};
+use super::compare::{Judgement, View, judge_distance};
 use super::cpu::TrueHit;
 use super::note::Wrong;
 use super::rays::Ray;
@@ -75,15 +75,11 @@ fn judge(view: &View, ray: &Ray, hit: Option<&Hit>, truth: Option<&TrueHit>) -> 
     let Some(truth) = truth else {
         return if claim.is_some() { Judgement::Silhouette } else { Judgement::Right };
     };
-    let (approach, slack) = passed(truth.at);
-    match claim {
-        Some((at, _)) if at == truth.at => Judgement::Right,
-        Some((_, distance)) if approach.explains(distance, slack) => Judgement::Tie,
-        Some((_, distance)) if distance < truth.t * length => Judgement::Silhouette,
-        _ if approach.grazes(slack) || at_an_end(ray, &approach, slack) => Judgement::Silhouette,
-        Some(_) => Judgement::Wrong(Wrong::TriangleBehind),
-        None => Judgement::Wrong(Wrong::Nothing),
+    if claim.is_some_and(|(at, _)| at == truth.at) {
+        return Judgement::Right;
     }
+    let (approach, slack) = passed(truth.at);
+    judge_distance(ray, claim.map(|(_, distance)| distance), truth.t * length, &approach, slack)
 }
 
 impl Hit {

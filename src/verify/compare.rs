@@ -404,12 +404,9 @@ impl<'a> Comparison<'a> {
         let truly = Approach::new(ray, &self.before.scene.world_corners(truth.at));
         let slack = side.slack(place.instance, ray, &truly).min(most);
         let distance = truth.t * ray.direction.as_dvec3().length();
-        match claim {
-            Some(claim) if truly.explains(claim.distance, slack) => self.tie(claim, truth),
-            Some(claim) if claim.distance < distance => Judgement::Silhouette,
-            _ if truly.grazes(slack) || at_an_end(ray, &truly, slack) => Judgement::Silhouette,
-            Some(_) => Judgement::Wrong(Wrong::TriangleBehind),
-            None => Judgement::Wrong(Wrong::Nothing),
+        match (judge_distance(ray, claim.map(|claim| claim.distance), distance, &truly, slack), claim) {
+            (Judgement::Tie, Some(claim)) => self.tie(claim, truth),
+            (judged, _) => judged,
         }
     }
 
@@ -437,6 +434,18 @@ impl<'a> Comparison<'a> {
         let seen = |at| Target::Triangle(describe(self.before.scene, at));
         let shown = doubt.after.as_ref().and_then(|claim| claim.source).map(seen);
         Mismatch { kind, ray: doubt.ray, wrong, shown, truth: truth.map(|truth| seen(truth.at)) }
+    }
+}
+
+/// Judges a hit of another triangle than the true one, or of nothing, by its distance. `truly` is how the ray passes the
+/// true triangle, at the distance `truth`; no more than `slack` is excused. Distances are in world units.
+pub(super) fn judge_distance(ray: &Ray, claimed: Option<f64>, truth: f64, truly: &Approach, slack: f64) -> Judgement {
+    match claimed {
+        Some(distance) if truly.explains(distance, slack) => Judgement::Tie,
+        Some(distance) if distance < truth => Judgement::Silhouette,
+        _ if truly.grazes(slack) || at_an_end(ray, truly, slack) => Judgement::Silhouette,
+        Some(_) => Judgement::Wrong(Wrong::TriangleBehind),
+        None => Judgement::Wrong(Wrong::Nothing),
     }
 }
 
