@@ -171,6 +171,11 @@ impl<'a> Renderer<'a> {
         Ok(Renderer { doc, scene, accel, stage, looks: OnceLock::new() })
     }
 
+    /// Returns the trees that rays are traced through.
+    pub(crate) fn accel(&self) -> &TwoLevel {
+        &self.accel
+    }
+
     /// Draws a picture.
     ///
     /// # Errors

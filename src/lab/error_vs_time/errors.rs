@@ -10,9 +10,8 @@ use crate::layout::{Layout, shown};
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
 use crate::verify::VerifyOptions;
 use crate::verify::approach::exact_distance;
-use crate::verify::compare::{FAR_RATIO, NEAR_RATIO};
 use crate::verify::cpu::{Reference, TrueHit, TwoLevel};
-use crate::verify::errors::{percentile_999, root_mean_square};
+use crate::verify::precisions::{DistanceErrors, per_million};
 use crate::verify::probe::Probe;
 use crate::verify::rays::{self, Ray};
 use crate::verify::seams::Aimed;
@@ -29,13 +28,8 @@ pub(super) struct PositionErrors {
 /// Errors of what rays hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct RayErrors {
-    /// Largest error of a distance, relative to the true one.
-    pub(super) largest: f64,
-    /// What one error in a thousand exceeds.
-    pub(super) p999: f64,
-    pub(super) rms: f64,
-    /// Rays that hit another triangle far from the true hit, or that hit in only one of the two, per million.
-    pub(super) far_per_million: f64,
+    /// Of distances; a hit of the true triangle is never far.
+    pub(super) distances: DistanceErrors,
     /// Rays aimed at closed edges and vertices that pass through, per million; `None` if nothing is closed.
     pub(super) lost_per_million: Option<f64>,
 }
@@ -69,30 +63,11 @@ impl Truth {
     /// Those of the tracer.
     pub(super) fn errors(&self, probe: &dyn Probe, layout: &Layout) -> Result<RayErrors, String> {
         let found = probe.closest(&self.rays)?;
-        let (mut errors, mut far) = (Vec::new(), 0u64);
-        for (hit, truth) in found.iter().zip(&self.hits) {
-            match (hit, truth) {
-                (None, None) => {}
-                (Some(hit), Some((at, t))) => {
-                    let is_same = || shown(layout, hit.at) == *at;
-                    match (hit.t - t).abs() {
-                        off if off <= FAR_RATIO * self.radius || is_same() => {
-                            errors.push(off / t.max(NEAR_RATIO * self.radius));
-                        }
-                        _ => far += 1,
-                    }
-                }
-                _ => far += 1,
-            }
-        }
-        let lost = probe.occluded(&self.aimed.rays)?.iter().filter(|hit| !**hit).count();
-        let per_million = |count: f64, of: usize| if of == 0 { 0.0 } else { 1e6 * count / of as f64 };
+        let lost = probe.occluded(&self.aimed.rays)?.iter().filter(|hit| !**hit).count() as u64;
+        let aimed = self.aimed.rays.len();
         Ok(RayErrors {
-            largest: errors.iter().copied().fold(0.0, f64::max),
-            rms: root_mean_square(&errors),
-            p999: percentile_999(errors),
-            far_per_million: per_million(far as f64, self.rays.len()),
-            lost_per_million: (!self.aimed.rays.is_empty()).then(|| per_million(lost as f64, self.aimed.rays.len())),
+            distances: DistanceErrors::of(&found, &self.hits, self.radius, |at, truly| shown(layout, at) == truly),
+            lost_per_million: (aimed > 0).then(|| per_million(lost, aimed)),
         })
     }
 }
@@ -170,8 +145,11 @@ mod tests {
     #[test]
     fn more_digits_are_nearer_to_the_truth() {
         let [fast, watertight, recentred, double] = errors(Placement::AsIs, Method::Keep);
-        assert!(watertight.p999 < 1e-3 && recentred.p999 < 1e-3 && fast.p999 < 1e-3, "{fast:?} {watertight:?}");
-        assert!(double.largest < 1e-9, "{double:?}");
+        assert!(
+            watertight.distances.p999 < 1e-3 && recentred.distances.p999 < 1e-3 && fast.distances.p999 < 1e-3,
+            "{fast:?} {watertight:?}"
+        );
+        assert!(double.distances.largest < 1e-9, "{double:?}");
         assert_eq!([watertight.lost_per_million, double.lost_per_million], [Some(0.0); 2]);
         assert!(fast.lost_per_million > Some(0.0), "{fast:?}");
     }
@@ -185,8 +163,8 @@ mod tests {
     #[test]
     fn far_away_recentring_keeps_the_distance() {
         let [_, watertight, recentred, double] = errors(Placement::Far, Method::Keep);
-        assert!(recentred.p999 < 1e-5 && double.largest < 1e-7, "{recentred:?} {double:?}");
-        assert!(watertight.p999 > 10.0 * recentred.p999, "{watertight:?} {recentred:?}");
+        assert!(recentred.distances.p999 < 1e-5 && double.distances.largest < 1e-7, "{recentred:?} {double:?}");
+        assert!(watertight.distances.p999 > 10.0 * recentred.distances.p999, "{watertight:?} {recentred:?}");
     }
 
     #[test]

@@ -326,7 +326,7 @@ fn words_of_class(class: &str) -> &str {
 pub(super) fn precisions(all: &[OfPrecision]) -> Option<Chart> {
     let points = all.iter().map(|of| {
         let class = if of.precision == Precision::F32Watertight { "chosen" } else { "other" };
-        Point { x: of.nanoseconds_per_ray, y: of.p999_error, label: of.precision.name().to_owned(), class }
+        Point { x: of.nanoseconds_per_ray, y: of.errors.p999, label: of.precision.name().to_owned(), class }
     });
     let points: Vec<Point> = points.collect();
     let tip = |p: &Point| format!("{}: error {:.1e}, {} ns per ray", p.label, p.y, three_digits(p.x));
@@ -335,9 +335,9 @@ pub(super) fn precisions(all: &[OfPrecision]) -> Option<Chart> {
         vec![
             of.precision.name().to_owned(),
             three_digits(of.nanoseconds_per_ray),
-            format!("{:.2e}", of.p999_error),
-            format!("{:.2e}", of.largest_error),
-            format!("{:.0}", of.far_hits_per_million),
+            format!("{:.2e}", of.errors.p999),
+            format!("{:.2e}", of.errors.largest),
+            format!("{:.0}", of.errors.far_per_million),
         ]
     };
     (!all.is_empty()).then(|| Chart {

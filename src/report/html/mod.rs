@@ -172,7 +172,7 @@ impl Page {
         let of_scene = |shown: &Shown| {
             let overlaps = charts::overlaps(&shown.overlaps, has_after);
             let sizes = charts::sizes(&shown.sizes, has_after);
-            overlaps.into_iter().chain([sizes]).chain(charts::precisions(&shown.precisions)).collect()
+            overlaps.into_iter().chain([sizes]).chain(charts::precisions(&shown.drawing.precisions)).collect()
         };
         let name = input.path.file_stem().map_or_else(|| command.into(), |stem| stem.to_string_lossy());
         Page {
@@ -181,7 +181,7 @@ impl Page {
             files: vec![input.path.display().to_string()],
             headline: Headline::default(),
             counts: counts(input),
-            pictures: shown.map(|shown| shown.pictures.clone()).unwrap_or_default(),
+            pictures: shown.map(|shown| shown.drawing.pairs.clone()).unwrap_or_default(),
             sections: Vec::new(),
             has_after,
             charts_of_speed: Vec::new(),

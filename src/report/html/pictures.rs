@@ -9,9 +9,12 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::render::{Camera, CameraChoice, Costs, Picture, RenderError, RenderOptions, Renderer, View};
 use crate::report::words::counted;
 use crate::scene::Scene;
+use crate::verify::precisions::{self, OfPrecision};
 
 /// Width and height in pixels: small, as a page has up to eight pictures and is made in a few seconds.
 pub(super) const SIZE: [u32; 2] = [640, 360];
+/// Seed of the rays that precisions are compared by.
+const SEED: u64 = 1;
 /// Samples per pixel of shaded pictures.
 const SAMPLES: u32 = 4;
 
@@ -33,11 +36,20 @@ pub(super) struct Pair {
     after: Option<String>,
 }
 
+/// The pictures of a page, and what else is traced through the same trees.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Drawing {
+    pub(super) pairs: Vec<Pair>,
+    /// What precision costs in the output, or in the input if there is no output.
+    pub(super) precisions: Vec<OfPrecision>,
+}
+
 /// Draws the pictures of the input, and of the output by the same camera, in a width and height in pixels.
 ///
 /// # Errors
 /// [`RenderError::Empty`] if there is nothing to see.
-pub(super) fn of(before: Drawn, after: Option<Drawn>, size: [u32; 2]) -> Result<Vec<Pair>, RenderError> {
+pub(super) fn of(before: Drawn, after: Option<Drawn>, size: [u32; 2]) -> Result<Drawing, RenderError> {
+    let shown = after.unwrap_or(before).1;
     let renderer = |(doc, scene, trees)| Renderer::with_trees(doc, scene, trees);
     let (before, after) = (renderer(before)?, after.map(renderer).transpose()?);
     let camera = before.camera(&CameraChoice::Default)?;
@@ -49,7 +61,9 @@ pub(super) fn of(before: Drawn, after: Option<Drawn>, size: [u32; 2]) -> Result<
     let overlap = both.overlap()?;
     let bad = both.bad_images();
     let note = if bad == 0 { String::new() } else { format!(" {} could not be read.", counted(bad, "image")) };
-    Ok(vec![Pair { caption: shaded.caption.clone() + &note, ..shaded }, groups, heat, overlap])
+    let pairs = vec![Pair { caption: shaded.caption.clone() + &note, ..shaded }, groups, heat, overlap];
+    let accel = both.after.as_ref().unwrap_or(&both.before).accel();
+    Ok(Drawing { pairs, precisions: precisions::compare(shown, accel, SEED) })
 }
 
 /// Both files and the camera.
@@ -148,7 +162,8 @@ mod tests {
         let (scene, _) = load(&doc, &LoadOptions::default()).expect("a scene");
         let drawn = (&doc, &scene, &MeshTrees::build(&scene));
         for (after, expected) in [(None, false), (Some(drawn), true)] {
-            let pairs = of(drawn, after, [64, 36]).expect("something to see");
+            let Drawing { pairs, precisions } = of(drawn, after, [64, 36]).expect("something to see");
+            assert!(!precisions.is_empty());
             assert_eq!(
                 pairs.iter().map(|pair| pair.id).collect::<Vec<_>>(),
                 ["shaded", "groups", "heatmap", "overlap"]

@@ -8,19 +8,15 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::pictures::{self, Drawn, Pair};
+use super::pictures::{self, Drawing, Drawn};
 use super::preview::Preview;
 use super::text::{packed, visible};
 use crate::cost::overlap;
 use crate::report::OverlappingPair;
 use crate::scene::{Bounds, InstanceId, Scene};
 use crate::verify::Sides;
-use crate::verify::cpu::TwoLevel;
 use crate::verify::identity::Identity;
-use crate::verify::precisions::{self, OfPrecision};
 
-/// Seed of the rays that precisions are compared by.
-const SEED: u64 = 1;
 /// Number of overlapping pairs listed.
 const WORST_PAIRS: usize = 20;
 /// Maximum number of instances of a scene whose boxes are shown: the largest.
@@ -47,10 +43,8 @@ pub struct Shown {
     pub(super) overlaps: Sides<Vec<OverlappingPair>>,
     /// How many groups have how many triangles.
     pub(super) sizes: Sides<Vec<u64>>,
-    /// What precision costs in the output, or in the input if there is no output.
-    pub(super) precisions: Vec<OfPrecision>,
-    /// Pictures of both; empty if none were drawn.
-    pub(super) pictures: Vec<Pair>,
+    /// What was drawn and traced of both; empty if nothing was.
+    pub(super) drawing: Drawing,
 }
 
 /// The groups and boxes of a scene.
@@ -130,14 +124,13 @@ impl Shown {
             links: Links::of(links),
             overlaps: both.map(worst_pairs),
             sizes: both.map(|scene| scene.meshes.iter().map(|m| m.triangle_count() as u64).collect()),
-            precisions: precisions::compare(both.after, &TwoLevel::build(both.after), SEED),
-            pictures: Vec::new(),
+            drawing: Drawing::default(),
         }
     }
 
     /// Adds pictures, unless there is nothing to see.
     pub fn with_pictures(self, before: Drawn, after: Option<Drawn>) -> Shown {
-        Shown { pictures: pictures::of(before, after, pictures::SIZE).unwrap_or_default(), ..self }
+        Shown { drawing: pictures::of(before, after, pictures::SIZE).unwrap_or_default(), ..self }
     }
 
     /// Returns the data that the page's scripts read, as JSON.
