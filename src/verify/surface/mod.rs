@@ -8,6 +8,7 @@
 mod corners;
 mod errors;
 mod limits;
+mod lone;
 mod numbering;
 pub mod pairs;
 mod place;

@@ -3,7 +3,8 @@
 //! Triangles of the input go into a grid of cubes 32 times as wide as what their corners may be off, so that most
 //! triangles of the output need be sought in one cube only. As objects of different size may be off by different
 //! amounts, there is a grid for each range of amounts. In a cube, triangles are sought along x among those that are
-//! close enough. Which cube a triangle is in is found by sorting: in parallel, in order, and in 16 bytes per triangle.
+//! close enough. Triangles that are alone in their cubes are paired first ([`lone`]); the cubes of all others are found by
+//! sorting: in parallel, in order, and in 16 bytes per triangle.
 
 use std::ops::Range;
 
@@ -11,6 +12,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::corners::{Fit, fit};
+use super::lone;
 use crate::scene::{Scene, TriangleRef};
 use crate::verify::materials::Materials;
 use crate::verify::{Side, Sides};
@@ -89,17 +91,46 @@ impl Seeker<'_> {
     pub(super) fn pair(&self, triangles: Sides<&[TriangleRef]>, rule: &Rule) -> Vec<Match> {
         let mut matches = Vec::new();
         let mut taken = triangles.map(|of| vec![false; of.len()]);
+        let mut take = |found: Vec<Match>, taken: &mut Sides<Vec<bool>>| {
+            for m in &found {
+                taken.before[m.before as usize] = rule.keep == Keep::Best;
+                taken.after[m.after as usize] = rule.keep != Keep::Every;
+            }
+            if matches.is_empty() { matches = found } else { matches.extend(found) }
+        };
         for level in levels(self.scenes.before, triangles.before, rule) {
+            if rule.keep == Keep::Best {
+                take(self.pair_lone(&level, triangles, rule, &taken), &mut taken);
+            }
             for neighbour in 0..8 {
-                let found = self.pair_in(&level, triangles, rule, neighbour, &taken);
-                for m in &found {
-                    taken.before[m.before as usize] = rule.keep == Keep::Best;
-                    taken.after[m.after as usize] = rule.keep != Keep::Every;
-                }
-                matches.extend(found);
+                take(self.pair_in(&level, triangles, rule, neighbour, &taken), &mut taken);
             }
         }
         matches
+    }
+
+    /// Pairs triangles of one grid that are alone in their cube, as [`Seeker::pair_in`] would.
+    fn pair_lone(
+        &self,
+        level: &Level,
+        triangles: Sides<&[TriangleRef]>,
+        rule: &Rule,
+        taken: &Sides<Vec<bool>>,
+    ) -> Vec<Match> {
+        let width = WIDTH * level.tolerance;
+        let after: Vec<u32> = (0..triangles.after.len() as u32).filter(|&i| !taken.after[i as usize]).collect();
+        let hashes = |side: Side, of: &[u32]| -> Vec<u64> {
+            let cube = |&i: &u32| hash((center(self.scenes[side], triangles[side][i as usize]) / width).floor());
+            lone::map_chunks(of.len(), &|chunk| of[chunk].iter().map(cube).collect::<Vec<u64>>()).concat()
+        };
+        let pairs = lone::pair(&hashes(Side::Before, &level.triangles), &hashes(Side::After, &after));
+        let matches = lone::map_chunks(pairs.len(), &|chunk| {
+            let matched = |&[b, a]: &[u32; 2]| {
+                self.alone(Sides { before: level.triangles[b as usize], after: after[a as usize] }, triangles, rule)
+            };
+            pairs[chunk].iter().filter_map(matched).collect::<Vec<Match>>()
+        });
+        matches.concat()
     }
 
     /// Pairs triangles of one grid. `neighbour` 0 looks for each triangle in its own cube; the bits of others tell along
@@ -131,7 +162,10 @@ impl Seeker<'_> {
             for (of_before, of_after) in cubes {
                 let entries = Sides { before: &there[of_before.clone()], after: &sought[of_after.clone()] };
                 match (entries.before, entries.after) {
-                    ([before], [after]) => matches.extend(self.alone(Sides { before, after }, triangles, rule)),
+                    ([before], [after]) => {
+                        let indices = Sides { before: before.index, after: after.index };
+                        matches.extend(self.alone(indices, triangles, rule));
+                    }
                     _ => self.in_cube(entries, triangles, rule, reach, &mut matches),
                 }
             }
@@ -140,13 +174,13 @@ impl Seeker<'_> {
         common_cubes(&there, &sought).par_chunks(CUBES).flat_map_iter(in_cubes).collect()
     }
 
-    /// Pairs the only triangles in a cube: what most cubes hold.
-    fn alone(&self, entries: Sides<&Entry>, triangles: Sides<&[TriangleRef]>, rule: &Rule) -> Option<Match> {
-        let at = |side: Side| triangles[side][entries[side].index as usize];
+    /// Pairs the only triangles in a cube, given as indices into `triangles`: what most cubes hold.
+    fn alone(&self, indices: Sides<u32>, triangles: Sides<&[TriangleRef]>, rule: &Rule) -> Option<Match> {
+        let at = |side: Side| triangles[side][indices[side] as usize];
         let corners = |side: Side| self.scenes[side].world_corners(at(side));
         let fit = fit(&corners(Side::After), &corners(Side::Before));
         let is_partner = fit.error <= (rule.tolerance)(at(Side::Before).instance) && fit.same_side == rule.same_side;
-        is_partner.then_some(Match { after: entries.after.index, before: entries.before.index, fit })
+        is_partner.then_some(Match { after: indices.after, before: indices.before, fit })
     }
 
     /// Pairs the triangles in a cube.
