@@ -46,7 +46,7 @@ const SUGGESTED_DIGITS: i32 = 2;
 /// `max_position_error_ratio` of the scene's size, but no more than a thousand times that ratio of its object's own
 /// size, and a tenth of it. The place is that which the input's file gives. Time is linear in the number of triangles
 /// where the output records their places, and that of sorting where it does not. Memory is 8 bytes for each placed
-/// triangle, and 40 for each that is sought by place.
+/// triangle, and 80 for each that is sought by place.
 pub fn compare(identity: &Identity, max_position_error_ratio: f64) -> (Structure, Pairs) {
     let (before, after) = identity.scenes();
     let scenes = Sides { before, after };
