@@ -34,6 +34,7 @@ pub mod edit;
 pub mod error;
 mod extension_names;
 mod gltf;
+mod meshopt;
 mod obj;
 pub mod properties;
 pub mod staging;

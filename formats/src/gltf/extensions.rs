@@ -50,17 +50,20 @@ const HARMLESS_ON_NODES: &[&str] = &[EXT_MESH_GPU_INSTANCING, KHR_LIGHTS_PUNCTUA
 /// Compression of buffer views by meshoptimizer, under its vendor and Khronos names.
 pub(super) const MESHOPT: [&str; 2] = [EXT_MESHOPT_COMPRESSION, KHR_MESHOPT_COMPRESSION];
 
-/// The reason for rejecting a file that needs decompression.
-pub(super) const COMPRESSED: &str = "compressed geometry is not read yet";
-
 /// Rejects a file that requires an unsupported extension.
+pub(super) fn check_required_of_file(root: &At<'_>) -> Result<(), Error> {
+    check(root, |name| is_readable(name) || MESHOPT.contains(&name))
+}
+
+/// Rejects a document, decompressed as it is after reading, that requires an unsupported extension.
 pub(super) fn check_required(root: &At<'_>) -> Result<(), Error> {
+    check(root, is_readable)
+}
+
+fn check(root: &At<'_>, is_supported: impl Fn(&str) -> bool) -> Result<(), Error> {
     for at in root.list("extensionsRequired")? {
         let name = at.string()?;
-        if name == KHR_DRACO_MESH_COMPRESSION || MESHOPT.contains(&name) {
-            return Err(at.error(format_args!("{name} is required, but {COMPRESSED}")).unsupported());
-        }
-        if !is_readable(name) {
+        if !is_supported(name) {
             return Err(at.error(format_args!("the required extension {name} is not supported")).unsupported());
         }
     }

@@ -6,6 +6,7 @@ mod animation;
 pub(crate) mod attributes;
 pub(crate) mod binary;
 pub(crate) mod compact;
+mod compressed;
 pub(crate) mod contents;
 mod cut;
 pub(crate) mod edit;

@@ -8,12 +8,10 @@ use std::path::{Path, PathBuf};
 use bytes::Bytes;
 use serde_json::Value;
 
-use super::extensions::{self, COMPRESSED, MESHOPT};
-use super::json::{At, unsigned};
+use super::json::At;
 use super::uri::{self, Uri};
-use super::{binary, edit};
+use super::{binary, compressed, extensions};
 use crate::document::{Kind, Residuals};
-use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 use crate::{Document, Error, ErrorKind, Warning};
 
 /// Reads a glTF or GLB file, distinguished by its first bytes.
@@ -35,12 +33,11 @@ fn parsed(path: &Path, file: &Bytes, folder: Option<&Path>) -> Result<Document, 
     let (json, bin, kind, mut warnings) = open(path, file)?;
     let root = At::new(path, &json);
     check_asset(&root)?;
-    extensions::check_required(&root)?;
+    extensions::check_required_of_file(&root)?;
     let buffers = load_buffers(&root, folder, bin, &mut warnings)?;
     let residuals = Residuals::default();
     let mut doc = Document { json, buffers, path: path.to_owned(), kind, warnings, in_memory: None, residuals };
-    drop_draco(&mut doc)?;
-    drop_meshopt(&mut doc);
+    compressed::decompress(&mut doc)?;
     Ok(doc)
 }
 
@@ -95,7 +92,8 @@ fn check_asset(root: &At<'_>) -> Result<(), Error> {
     }
 }
 
-/// Returns exactly `byteLength` bytes of each buffer. A file that several buffers name is read once.
+/// Returns exactly `byteLength` bytes of each buffer, but none of a fallback buffer that is not there. A file that several
+/// buffers name is read once.
 fn load_buffers(
     root: &At<'_>,
     folder: Option<&Path>,
@@ -108,18 +106,25 @@ fn load_buffers(
     for (i, at) in root.list("buffers")?.enumerate() {
         let length = at.need("byteLength")?.integer()?;
         let bytes = match (at.get("uri"), &bin) {
-            (Some(uri), _) => load_uri(&uri, folder, &mut files)?,
+            (Some(uri), _) => match load_uri(&uri, folder, &mut files) {
+                Err(error) if is_absent(&error) && compressed::is_fallback(root, i) => {
+                    let message = format!("{}; its compressed form is used", error.cause);
+                    warnings.push(Warning { place: error.place, message });
+                    None
+                }
+                loaded => Some(loaded?),
+            },
             (None, Some(bin)) if i == 0 => {
                 unused_bin = false;
-                bin.clone()
+                Some(bin.clone())
             }
-            (None, _) if length == 0 => Bytes::new(),
-            (None, _) => return Err(no_bytes(&at)),
+            (None, _) if length == 0 || compressed::is_fallback(root, i) => None,
+            (None, _) => return Err(at.error("has neither a uri nor a BIN chunk, so there are no bytes")),
         };
-        if bytes.len() < length {
+        if let Some(bytes) = bytes.as_ref().filter(|bytes| bytes.len() < length) {
             return Err(at.error(format_args!("byteLength is {length}, but there are only {} bytes", bytes.len())));
         }
-        buffers.push(bytes.slice(..length));
+        buffers.push(bytes.map_or_else(Bytes::new, |bytes| bytes.slice(..length)));
     }
     if unused_bin {
         warnings.push(Warning { place: "BIN chunk".into(), message: "no buffer refers to it; it is left out".into() });
@@ -127,13 +132,9 @@ fn load_buffers(
     Ok(buffers)
 }
 
-fn no_bytes(at: &At<'_>) -> Error {
-    match MESHOPT.iter().find(|name| at.extension(name).is_some()) {
-        Some(name) => {
-            at.error(format_args!("{name} has no uncompressed fallback here, and {COMPRESSED}")).unsupported()
-        }
-        None => at.error("has neither a uri nor a BIN chunk, so there are no bytes"),
-    }
+/// Whether a buffer could not be read because its file is not there, or may not be read.
+fn is_absent(error: &Error) -> bool {
+    matches!(error.kind, ErrorKind::Io(_) | ErrorKind::Unsupported)
 }
 
 fn load_uri(at: &At<'_>, folder: Option<&Path>, files: &mut BTreeMap<PathBuf, Bytes>) -> Result<Bytes, Error> {
@@ -183,64 +184,4 @@ pub(crate) fn read_regular(file: &Path) -> std::io::Result<Bytes> {
         return Err(std::io::Error::other("not a regular file"));
     }
     fs::read(file).map(Bytes::from)
-}
-
-/// Drops optional Draco compression: the uncompressed accessors hold the same data, and the compressed copy would
-/// contradict every changed primitive.
-fn drop_draco(doc: &mut Document) -> Result<(), Error> {
-    let root = At::root(doc);
-    let mut dropped = 0;
-    for mesh in root.list("meshes")? {
-        for primitive in mesh.list("primitives")? {
-            if primitive.extension(KHR_DRACO_MESH_COMPRESSION).is_some() {
-                check_fallback(&root, &primitive)?;
-                dropped += 1;
-            }
-        }
-    }
-    if dropped > 0 {
-        edit::each_primitive(&mut doc.json, |primitive| {
-            extensions::remove(primitive, KHR_DRACO_MESH_COMPRESSION);
-        });
-        extensions::forget(&mut doc.json, KHR_DRACO_MESH_COMPRESSION);
-        let message = format!(
-            "{KHR_DRACO_MESH_COMPRESSION} of {dropped} primitives is left out; their uncompressed accessors are used"
-        );
-        doc.warnings.push(Warning { place: "meshes".into(), message });
-    }
-    Ok(())
-}
-
-/// Rejects a Draco primitive whose accessors have no data of their own.
-fn check_fallback(root: &At<'_>, primitive: &At<'_>) -> Result<(), Error> {
-    let accessors = root.get("accessors");
-    let attributes = primitive.get("attributes").and_then(|at| at.value.as_object());
-    let attributes = attributes.into_iter().flat_map(|map| map.values());
-    for index in attributes.chain(primitive.value.get("indices")) {
-        let accessor = unsigned(index).and_then(|i| accessors?.element(i));
-        if accessor.is_some_and(|at| at.get("bufferView").is_none() && at.get("sparse").is_none()) {
-            let cause =
-                format_args!("{KHR_DRACO_MESH_COMPRESSION} has no uncompressed fallback here, and {COMPRESSED}");
-            return Err(primitive.error(cause).unsupported());
-        }
-    }
-    Ok(())
-}
-
-/// Drops optional meshopt compression, like [`drop_draco`]. Fallback buffers without bytes were already rejected.
-fn drop_meshopt(doc: &mut Document) {
-    for name in MESHOPT {
-        let mut dropped = 0;
-        for list in ["bufferViews", "buffers"] {
-            for item in doc.json.get_mut(list).and_then(Value::as_array_mut).into_iter().flatten() {
-                let found = extensions::remove(item, name).is_some();
-                dropped += usize::from(found && list == "bufferViews");
-            }
-        }
-        if dropped > 0 {
-            extensions::forget(&mut doc.json, name);
-            let message = format!("{name} of {dropped} buffer views is left out; their uncompressed bytes are used");
-            doc.warnings.push(Warning { place: "bufferViews".into(), message });
-        }
-    }
 }

@@ -3,6 +3,7 @@
 mod alpha;
 mod attributes;
 mod compact;
+mod compressed;
 mod damage;
 mod edit;
 mod hierarchy;

@@ -4,18 +4,9 @@ use raykiln_formats::document::Kind;
 use raykiln_formats::read;
 use serde_json::{Value, json};
 
-use crate::support::{contents, folder, glb, read_bytes, square, triangle_bytes, triangle_json, triangles};
-
-fn text(json: &Value) -> Vec<u8> {
-    json.to_string().into_bytes()
-}
-
-/// The message with which a file is refused.
-fn refused(name: &str, bytes: &[u8]) -> String {
-    let error = read_bytes(name, bytes).unwrap_err();
-    assert!(error.file.ends_with(name));
-    format!("{}: {}", error.place, error.cause)
-}
+use crate::support::{
+    contents, folder, glb, read_bytes, refused, square, text, triangle_bytes, triangle_json, triangles,
+};
 
 fn with_buffer_uri(uri: &str) -> Value {
     let mut json = triangle_json();
@@ -242,16 +233,6 @@ fn unknown_required_extensions_are_refused_by_name() {
 }
 
 #[test]
-fn required_compression_is_refused_for_now() {
-    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"] {
-        let mut json = triangle_json();
-        json["extensionsRequired"] = json!([name]);
-        let message = refused("a.glb", &glb(&json, &triangle_bytes()));
-        assert!(message.contains(name) && message.contains("compressed geometry is not read yet"), "{message}");
-    }
-}
-
-#[test]
 fn required_extensions_that_leave_geometry_alone_are_accepted() {
     let mut json = triangle_json();
     json["extensionsRequired"] = json!([
@@ -268,55 +249,6 @@ fn required_extensions_that_leave_geometry_alone_are_accepted() {
         "KHR_animation_pointer"
     ]);
     assert!(read_bytes("a.glb", &glb(&json, &triangle_bytes())).is_ok());
-}
-
-fn with_draco(json: &mut Value) {
-    json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
-    json["meshes"][0]["primitives"][0]["extensions"] =
-        json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": { "POSITION": 0 } } });
-}
-
-#[test]
-fn optional_draco_gives_way_to_the_uncompressed_accessors() {
-    let mut json = triangle_json();
-    with_draco(&mut json);
-    let doc = read_bytes("a.glb", &glb(&json, &triangle_bytes())).unwrap();
-    assert_eq!(doc.json, triangle_json());
-    assert!(doc.warnings[0].to_string().contains("KHR_draco_mesh_compression of 1 primitives is left out"));
-    assert_eq!(triangles(&doc).positions[1], [1.0, 0.0, 0.0]);
-}
-
-#[test]
-fn draco_without_uncompressed_accessors_is_refused() {
-    let mut json = triangle_json();
-    with_draco(&mut json);
-    json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-    let message = refused("a.glb", &glb(&json, &triangle_bytes()));
-    assert!(message.starts_with("meshes[0].primitives[0]"), "{message}");
-    assert!(message.contains("compressed geometry is not read yet"));
-}
-
-fn with_meshopt() -> Value {
-    let mut json = triangle_json();
-    json["extensionsUsed"] = json!(["EXT_meshopt_compression", "KHR_materials_unlit"]);
-    json["buffers"][0]["extensions"] = json!({ "EXT_meshopt_compression": { "fallback": true } });
-    json["bufferViews"][0]["extensions"] = json!({ "EXT_meshopt_compression": { "buffer": 0, "byteLength": 9 } });
-    json
-}
-
-#[test]
-fn optional_meshopt_gives_way_to_the_uncompressed_bytes() {
-    let doc = read_bytes("a.glb", &glb(&with_meshopt(), &triangle_bytes())).unwrap();
-    let mut expected = triangle_json();
-    expected["extensionsUsed"] = json!(["KHR_materials_unlit"]);
-    assert_eq!(doc.json, expected);
-    assert!(doc.warnings[0].to_string().contains("EXT_meshopt_compression of 1 buffer views is left out"));
-}
-
-#[test]
-fn meshopt_without_uncompressed_bytes_is_refused() {
-    let message = refused("a.gltf", &text(&with_meshopt()));
-    assert!(message.contains("EXT_meshopt_compression has no uncompressed fallback here"), "{message}");
 }
 
 #[test]

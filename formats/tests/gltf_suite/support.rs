@@ -140,6 +140,18 @@ pub(crate) fn read_bytes(name: &str, bytes: &[u8]) -> Result<Document, Error> {
     from_file
 }
 
+/// The message with which a file is refused.
+pub(crate) fn refused(name: &str, bytes: &[u8]) -> String {
+    let error = read_bytes(name, bytes).unwrap_err();
+    assert!(error.file.ends_with(name));
+    format!("{}: {}", error.place, error.cause)
+}
+
+/// The bytes of a `.gltf` file.
+pub(crate) fn text(json: &Value) -> Vec<u8> {
+    json.to_string().into_bytes()
+}
+
 /// What was read, or where and why nothing was.
 fn outcome(read: &Result<Document, Error>) -> Result<impl PartialEq + Debug, (&str, &str)> {
     let content = |doc: &Document| (doc.json.clone(), doc.buffers.clone(), doc.kind, doc.warnings.clone());
