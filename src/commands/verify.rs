@@ -108,13 +108,7 @@ struct Loaded {
     hash: blake3::Hash,
 }
 
-/// Reads a file as a scene, with warnings about what the reader repaired or omitted.
-#[cfg(feature = "lab")]
-pub(crate) fn read(path: &Path) -> Result<(Scene, Vec<String>), CommandError> {
-    load(path).map(|loaded| (loaded.scene, loaded.warnings))
-}
-
-/// Like [`read`], with the document too.
+/// Reads a file as a document and a scene, with warnings about what the reader repaired or omitted.
 #[cfg(feature = "lab")]
 pub(crate) fn read_document(path: &Path) -> Result<(Document, Scene, Vec<String>), CommandError> {
     load(path).map(|loaded| (loaded.doc, loaded.scene, loaded.warnings))

@@ -14,6 +14,7 @@ mod nnls;
 mod output;
 mod plot;
 mod quality;
+mod reading;
 mod rows;
 mod tables;
 pub mod thesis;
@@ -33,9 +34,9 @@ pub use rows::{KindRow, Row};
 pub use thesis_files::{Converted, convert};
 
 use crate::choose::model::Class;
-use crate::commands::verify;
 use crate::verify::{Machine, MachineKind};
 use config::Config;
+use reading::ReadScene;
 
 /// Why an experiment failed.
 #[derive(Debug, thiserror::Error)]
@@ -212,10 +213,7 @@ fn measure(
     class: Class,
     config: &Config,
 ) -> Result<(Vec<Row>, Vec<String>), String> {
-    let (scene, warnings) = verify::read(path).map_err(|e| e.to_string())?;
-    if scene.triangles_placed() == 0 {
-        return Err(format!("{}: there are no triangles to trace", path.display()));
-    }
+    let ReadScene { scene, warnings, .. } = reading::read(path)?;
     let rows = matrix::measure(name, &scene, machine, class, config);
     Ok((rows.map_err(|why| format!("{}: {why}", path.display()))?, warnings))
 }

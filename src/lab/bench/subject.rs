@@ -7,9 +7,10 @@ use raykiln_formats::Document;
 
 use crate::lab::LabError;
 use crate::lab::motion::joined;
+use crate::lab::reading::{self, ReadScene};
 use crate::lab::thesis_files::{SettingsFile, Value};
 use crate::motion::{MovingScene, Orbit, PlacedCopies};
-use crate::scene::{LoadOptions, Scene, load};
+use crate::scene::Scene;
 use crate::verify::rays::shot::Light;
 use crate::verify::view::View;
 
@@ -79,7 +80,7 @@ impl Subject {
     /// # Errors
     /// Fails if it cannot be read or has no triangles.
     pub(in crate::lab) fn read(name: &str, path: &Path) -> Result<Subject, LabError> {
-        let (doc, scene, warnings) = read(path)?;
+        let ReadScene { doc, scene, warnings } = reading::read(path).map_err(LabError::Read)?;
         let stem = Path::new(name).file_stem().map_or_else(|| name.to_owned(), |s| s.to_string_lossy().into_owned());
         Ok(Subject {
             name: stem,
@@ -107,17 +108,6 @@ impl Instances {
     fn added_to(&self, scene: Scene, diagonal: f64) -> Scene {
         MovingScene::new(&scene, &self.model, INSTANCE_SIZE * diagonal, self.copies.clone()).scene().clone()
     }
-}
-
-fn read(path: &Path) -> Result<(Document, Scene, Vec<String>), LabError> {
-    let failed = |e: &dyn std::fmt::Display| LabError::file(path, e);
-    let doc = raykiln_formats::read(path).map_err(|e| LabError::Read(e.to_string()))?;
-    let (scene, warnings) = load(&doc, &LoadOptions::default()).map_err(|e| failed(&e))?;
-    if scene.triangles_placed() == 0 {
-        return Err(failed(&"there are no triangles to trace"));
-    }
-    let all = doc.warnings.iter().chain(&warnings).map(|warning| format!("{}: {warning}", path.display())).collect();
-    Ok((doc, scene, all))
 }
 
 /// Returns the instances: as many as the scene states, at the first places of the list.
@@ -160,8 +150,8 @@ fn instances(
 /// # Errors
 /// Fails if it cannot be read or has no triangles.
 pub(in crate::lab) fn read_instance(path: &Path) -> Result<(Scene, Vec<String>), LabError> {
-    let (_, model, warnings) = read(path)?;
-    Ok((joined(&model), warnings))
+    let ReadScene { scene, warnings, .. } = reading::read(path).map_err(LabError::Read)?;
+    Ok((joined(&scene), warnings))
 }
 
 /// Returns the places of the camera; none if the scene states none.

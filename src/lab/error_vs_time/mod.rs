@@ -19,8 +19,8 @@ pub use settings::Value;
 pub(in crate::lab) use settings::{Bake, Setting};
 
 use super::LabError;
+use super::reading;
 use super::tables::Tables;
-use crate::commands::verify;
 use crate::layout::stored;
 use crate::scene::Scene;
 use crate::verify::cpu::{ComputingTracer, Precision, Reference, TwoLevel};
@@ -83,14 +83,10 @@ pub(super) fn run(
         bench.placements(generated.name(), &generated.scene(), &mut output, progress)?;
     }
     for (name, path) in scenes {
-        let done = match verify::read(path) {
-            Ok((scene, warnings)) if scene.triangles_placed() > 0 => {
-                measured.warnings.extend(warnings);
-                bench.placements(name, &scene, &mut output, progress)
-            }
-            Ok(_) => Err(LabError::Scene(format!("{}: there are no triangles to trace", path.display()))),
-            Err(why) => Err(LabError::Scene(why.to_string())),
-        };
+        let done = reading::read(path).map_err(LabError::Scene).and_then(|read| {
+            measured.warnings.extend(read.warnings);
+            bench.placements(name, &read.scene, &mut output, progress)
+        });
         match done {
             Err(LabError::Scene(why)) if skip_broken => measured.notes.push(format!("left out: {why}")),
             done => done?,

@@ -16,9 +16,9 @@ use rows::{FlagsKind, prefer_name};
 use super::LabError;
 use super::error_vs_time::Pace;
 use super::motion::Common;
+use super::reading::{self, ReadScene};
 use super::tables::Tables;
 use crate::choose::{Evaluator, written};
-use crate::commands::verify;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::scene::Scene;
 use crate::verify::build::BuildOptions;
@@ -77,10 +77,7 @@ impl Bench<'_> {
     /// Measures all layouts of a scene.
     fn file(&self, name: &str, path: &Path, tables: &mut Tables, measured: &mut Measured) -> Result<(), LabError> {
         let failed = |why: String| LabError::Scene(format!("{}: {why}", path.display()));
-        let (scene, warnings) = verify::read(path).map_err(|e| LabError::Scene(e.to_string()))?;
-        if scene.triangles_placed() == 0 {
-            return Err(failed("there are no triangles to trace".into()));
-        }
+        let ReadScene { scene, warnings, .. } = reading::read(path).map_err(LabError::Scene)?;
         measured.warnings.extend(warnings);
         let trees = MeshTrees::build(&scene);
         let evaluator = Evaluator {

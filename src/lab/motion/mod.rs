@@ -7,8 +7,6 @@ mod summary;
 
 use std::path::{Path, PathBuf};
 
-use raykiln_formats::Document;
-
 pub(in crate::lab) use config::{Keys, Motion};
 pub use rows::MotionRow;
 pub(in crate::lab) use rows::NAMES;
@@ -18,10 +16,10 @@ pub(in crate::lab) use summary::SUMMARIES;
 use summary::Summary;
 
 use super::LabError;
+use super::reading::{self, ReadScene, core_bounds};
 use super::tables::Tables;
 use crate::choose::plans::Plan;
 use crate::choose::{Evaluator, written};
-use crate::commands::verify;
 use crate::cost::mesh_trees::MeshTrees;
 use crate::layout::{Layout, Placement, order_by_tree, stored};
 use crate::methods::{self, Method, Options};
@@ -86,8 +84,8 @@ pub(super) fn run(
     machine: &Machine,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Measured, LabError> {
-    let model = motion.model.as_deref().map(read).transpose()?;
-    let (model, warnings) = model.map_or_else(Default::default, |(_, model, warnings)| (joined(&model), warnings));
+    let model = motion.model.as_deref().map(reading::read).transpose().map_err(LabError::Scene)?;
+    let (model, warnings) = model.map_or_else(Default::default, |read| (joined(&read.scene), read.warnings));
     let bench = Bench { motion, machine, plans: common.plans, verify: common.verify, model };
     let tables = Tables::create(common.out, NAMES, &MotionRow::default().columns())?;
     let mut output = Output { folder: common.out, tables, measured: Measured { warnings, ..Measured::default() } };
@@ -101,15 +99,6 @@ pub(super) fn run(
     measured.text = summary::markdown(&measured.summaries, machine);
     summary::write(common.out, &measured.summaries, &measured.text)?;
     Ok(measured)
-}
-
-/// Reads a scene that holds triangles, with its document; also returns what its reader repaired or omitted.
-fn read(path: &Path) -> Result<(Document, Scene, Vec<String>), LabError> {
-    let read = verify::read_document(path).map_err(|e| LabError::Scene(e.to_string()))?;
-    match read.1.triangles_placed() {
-        0 => Err(LabError::Scene(format!("{}: there are no triangles to trace", path.display()))),
-        _ => Ok(read),
-    }
 }
 
 /// Returns a scene with all that may be joined in one mesh, as the copies of a crowd place it.
@@ -128,7 +117,7 @@ impl Bench<'_> {
         output: &mut Output,
         progress: &mut dyn FnMut(&str),
     ) -> Result<(), LabError> {
-        let (doc, scene, warnings) = read(path)?;
+        let ReadScene { doc, scene, warnings } = reading::read(path).map_err(LabError::Scene)?;
         let rig = Rig::read(&doc, &scene, self.motion.animation).map_err(|e| LabError::Scene(e.to_string()))?;
         output.measured.warnings.extend(warnings);
         let trees = MeshTrees::build(&scene);
@@ -239,9 +228,3 @@ impl Still<'_> {
 
 /// Name of the layout without the scene.
 const INSTANCES_ONLY: &str = "instances only";
-
-/// Returns the box of a scene without sky domes and far objects.
-fn core_bounds(scene: &Scene) -> Bounds {
-    let core = scene.core().bounds();
-    if core.is_empty() { scene.bounds() } else { core }
-}
