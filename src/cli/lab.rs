@@ -126,8 +126,9 @@ fn act(file: &Path, resume: bool, output: &Output) -> Result<ExitCode> {
     progress.finish();
     let done = done?;
     if !output.quiet {
-        let (rows, figures) = (done.rows.len(), done.figures.len());
-        print(format!("{rows} runs and {figures} pictures in {}\n", done.out.display()).as_bytes())?;
+        let (scenes, rows, figures) = (done.scenes.len(), done.rows.len(), done.figures.len());
+        let generated = if scenes > 0 { format!("{scenes} scenes, ") } else { String::new() };
+        print(format!("{generated}{rows} runs and {figures} pictures in {}\n", done.out.display()).as_bytes())?;
         let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
         done.notes.iter().chain(warnings).for_each(|note| print_note(note));
     }

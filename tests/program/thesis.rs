@@ -71,6 +71,94 @@ fn actions_run_and_plot_and_go_on_where_they_stopped() {
     assert!(resumed.starts_with(&first_two) && resumed.lines().count() == 3, "{resumed}");
 }
 
+/// A scene whose model stands in a folder of its own, with a model of instances.
+fn scene_with_model(folder: &Path) {
+    fs::create_dir(folder.join("models")).unwrap();
+    fs::copy(Path::new(&samples()).join("overlapping/scene.glb"), folder.join("models/scene.glb")).unwrap();
+    fs::write(folder.join("models/small.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let text = "SCENE_NAME=first\nMODEL_FILE_NAME=models/scene.glb\nINSTANCE_FILE_NAME=models/small.obj\n";
+    fs::write(folder.join("room.scn"), text).unwrap();
+    fs::write(folder.join("one.env"), "ENVIRONMENT_NAME=one\nSINGLE_GAS=1\nWIDTH=8\nHEIGHT=6\n").unwrap();
+}
+
+const GENERATE: &str = r#"{ "type": "generate", "scenes": ["room.scn", "room.scn"], "params": { "model_mask": [1],
+    "n_all": [3, 20], "n_anim_all": [3, 5], "v": 1.0, "v_dev": 0.1, "d": 2, "d_dev": 0 } }"#;
+
+#[test]
+fn generated_scenes_feed_runs_and_plots() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    scene_with_model(folder.path());
+    let actions = format!(
+        r#"{{ "actions": [ {GENERATE},
+        {{ "type": "run", "scenes": ["room_3.scn", "room_20_5.scn"], "envs": ["one.env"], "passes": 1, "device": "cpu" }},
+        {{ "type": "plot", "plot_type": "line", "plot_metadata": {{ "title": "Instances", "output": "instances",
+          "value_data": "instances", "x_data": "added_instances" }} }} ] }}"#
+    );
+    fs::write(at("actions.json"), actions).unwrap();
+    let ran = raykiln(["lab", &at("actions.json").display().to_string()]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    assert!(ran.stdout.starts_with("2 scenes, 2 runs and 2 pictures in "), "{}", ran.stdout);
+    let out = at("actions-results");
+    let written = ["instances.png", "instances.svg", "room_20_5.scn", "room_3.scn", "runs.csv", "runs.jsonl"];
+    assert_eq!(folder_names(&out), written);
+    let rows = fs::read_to_string(out.join("runs.jsonl")).unwrap();
+    let rows: Vec<serde_json::Value> = rows.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let of = |row: &serde_json::Value| (row["scene"].clone(), row["added_instances"].clone(), row["failure"].clone());
+    let expected = |name: &str, instances: u64| (name.into(), instances.into(), serde_json::Value::Null);
+    assert_eq!(rows.iter().map(of).collect::<Vec<_>>(), [expected("first_3", 3), expected("first_20_5", 20)]);
+}
+
+#[test]
+fn generated_files_are_used_from_where_they_are_and_are_the_same_each_time() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    scene_with_model(folder.path());
+    fs::write(at("a.json"), format!(r#"{{ "out": "made", "actions": [ {GENERATE} ] }}"#)).unwrap();
+    let toml = "out = 'again'\n[[scene]]\nscene_name = 'first'\nmodel_file_name = 'models/scene.glb'\n\
+                instance_file_name = 'models/small.obj'\n[[actions]]\ntype = 'generate'\nscenes = ['first']\n\
+                params = { model_mask = [0], n_all = [20], n_anim_all = [5], v = 1, v_dev = 0.1, d = 2, d_dev = 0 }\n";
+    fs::write(at("b.toml"), toml).unwrap();
+    for file in ["a.json", "b.toml"] {
+        let ran = raykiln(["lab", &at(file).display().to_string()]);
+        assert_eq!(ran.status, 0, "{}", ran.stderr);
+    }
+    let text = fs::read_to_string(at("made/room_20_5.scn")).unwrap();
+    assert_eq!(text, fs::read_to_string(at("again/first_20_5.scn")).unwrap());
+    let numbers = |count| text.lines().filter(|line| line.split(' ').count() == count).count();
+    assert_eq!((numbers(3), numbers(7)), (20, 5));
+    assert!(text.contains("MODEL_FILE_NAME=../models/scene.glb\n"), "{text}");
+    let run = r#"{ "actions": [ { "type": "run", "scenes": ["made/room_3.scn"], "envs": ["one.env"], "passes": 1,
+        "device": "cpu" } ] }"#;
+    fs::write(at("c.json"), run).unwrap();
+    let ran = raykiln(["lab", &at("c.json").display().to_string()]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+}
+
+#[test]
+fn wrong_parameters_are_refused_before_anything_is_written() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    scene_with_model(folder.path());
+    fs::write(at("bare.scn"), "\nMODEL_FILE_NAME=models/scene.glb\n").unwrap();
+    for (text, words) in [
+        (GENERATE.replace("\"v\": 1.0, ", ""), "a.json:2: `v` is missing: 3 instances are animated"),
+        (GENERATE.replace("[1]", "[2]"), "a.json:2: `model_mask` has 2"),
+        (GENERATE.replace("[1]", "[0, 1]"), "a.json:2: `room_3.scn` would be written twice"),
+        (GENERATE.replace("\"d_dev\"", "\"d_def\""), "unknown field `d_def`"),
+        (
+            GENERATE.replace("\"room.scn\", ", "\"bare.scn\", ").replace("[1]", "[0]"),
+            "bare.scn:1: `INSTANCE_FILE_NAME` is missing",
+        ),
+        (GENERATE.replace("room.scn", "no.scn"), "no.scn: "),
+    ] {
+        fs::write(at("a.json"), format!("{{ \"actions\": [\n{text} ] }}")).unwrap();
+        let ran = raykiln(["lab", &at("a.json").display().to_string()]);
+        assert!(ran.status == 2 && ran.stderr.contains(words), "{words}: {}", ran.stderr);
+        assert!(!at("a-results").exists());
+    }
+}
+
 #[test]
 fn actions_that_are_wrong_are_refused_before_anything_is_measured() {
     let folder = TempDir::new().unwrap();

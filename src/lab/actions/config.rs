@@ -14,10 +14,45 @@ use crate::lab::thesis_files::{Section, SettingsFile, Sort, read_sections};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub(super) enum Action {
+    /// Writes scenes with instances.
+    Generate(GenerateKeys),
     /// Measures environments on scenes.
     Run(RunKeys),
     /// Draws what was measured.
     Plot(PlotKeys),
+}
+
+/// The keys of `generate`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GenerateKeys {
+    /// Scene files, TOML files, or names of sections of this file.
+    pub(super) scenes: Vec<String>,
+    pub(super) params: Params,
+}
+
+/// What to generate; named as in the thesis, where it has names.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Params {
+    /// Indices into `scenes`.
+    pub(super) model_mask: Vec<usize>,
+    /// Numbers of instances.
+    pub(super) n_all: Vec<u64>,
+    /// How many of each of these are animated.
+    pub(super) n_anim_all: Vec<u64>,
+    /// Speed in scene units per second, and its deviation.
+    pub(super) v: Option<f64>,
+    pub(super) v_dev: Option<f64>,
+    /// Distance in scene units, and its deviation.
+    pub(super) d: Option<f64>,
+    pub(super) d_dev: Option<f64>,
+    /// Turns per second, and their deviation.
+    #[serde(default)]
+    pub(super) turns: f64,
+    #[serde(default)]
+    pub(super) turns_dev: f64,
+    pub(super) seed: Option<u64>,
 }
 
 /// The keys of `run`.
@@ -100,6 +135,14 @@ pub(super) struct Actions {
     /// Sections of the file.
     scenes: Vec<SettingsFile>,
     environments: Vec<SettingsFile>,
+}
+
+/// A scene that an action generates.
+#[derive(Clone, Debug)]
+pub(super) struct Generated {
+    /// The name of its file in the folder of results.
+    pub(super) file_name: String,
+    pub(super) scene: SettingsFile,
 }
 
 #[derive(Deserialize)]
@@ -188,12 +231,36 @@ impl Actions {
         LabError::Config { file: self.path.clone(), line: action.line, cause: cause.to_string() }
     }
 
-    /// Returns the scenes or environments of a list: sections of the file by their names, `.scn` and `.env` files, and
-    /// all sections of `.toml` files.
+    /// Returns the scenes of a list: sections of the file by their names, `generated` ones by the names of their files, `.scn`
+    /// files, and all sections of `.toml` files.
     ///
     /// # Errors
     /// Fails if one is missing or wrong.
-    pub(super) fn named(&self, sort: Sort, action: &Listed, names: &[String]) -> Result<Vec<SettingsFile>, LabError> {
+    pub(super) fn scenes(
+        &self,
+        action: &Listed,
+        names: &[String],
+        generated: &[Generated],
+    ) -> Result<Vec<SettingsFile>, LabError> {
+        let known = |name: &String| generated.iter().find(|of| of.file_name == *name).map(|of| &of.scene);
+        self.named(Sort::Scene, action, names, &known)
+    }
+
+    /// Returns the environments of a list, in the same way.
+    ///
+    /// # Errors
+    /// Fails if one is missing or wrong.
+    pub(super) fn environments(&self, action: &Listed, names: &[String]) -> Result<Vec<SettingsFile>, LabError> {
+        self.named(Sort::Environment, action, names, &|_| None)
+    }
+
+    fn named<'a>(
+        &'a self,
+        sort: Sort,
+        action: &Listed,
+        names: &[String],
+        known: &dyn Fn(&String) -> Option<&'a SettingsFile>,
+    ) -> Result<Vec<SettingsFile>, LabError> {
         if names.is_empty() {
             return Err(self.error(action, format!("the list of {}s is empty", sort.section())));
         }
@@ -204,8 +271,9 @@ impl Actions {
         let mut found = Vec::new();
         for name in names {
             let path = self.path.parent().unwrap_or(Path::new("")).join(name);
-            match sections.iter().find(|section| section.in_words(key).as_ref() == Some(name)) {
-                Some(section) => found.push(section.clone()),
+            let section = sections.iter().find(|section| section.in_words(key).as_ref() == Some(name));
+            match section.or_else(|| known(name)) {
+                Some(of) => found.push(of.clone()),
                 None if name.ends_with(".toml") => found.extend(sections_of(sort, &path)?),
                 None if path.extension().is_some_and(|e| e.eq_ignore_ascii_case(sort.extension())) => {
                     found.push(SettingsFile::read(&path)?);

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::ActionsResult;
-use super::config::{Action, Actions, Listed, RunKeys};
+use super::config::{Actions, Generated, Listed, RunKeys};
 use super::cooling::{Cooling, Limits, MAX_TEMPERATURE, TIMEOUT};
 use crate::lab::LabError;
 use crate::lab::bench::{Bench, RunTable, Session, Setup, Subject};
-use crate::lab::thesis_files::{SettingsFile, Sort};
+use crate::lab::thesis_files::SettingsFile;
 use crate::render::{Camera, RenderOptions, Renderer, View};
 use crate::verify::DeviceChoice;
 use crate::verify::probe::Until;
@@ -20,7 +20,6 @@ const SECONDS: f64 = 10.0;
 const MOST_PASSES: u32 = 1_000_000;
 
 /// What an action measures.
-#[derive(Default)]
 pub(super) struct Plan {
     scenes: Vec<SettingsFile>,
     environments: Vec<(SettingsFile, Vec<Setup>)>,
@@ -32,8 +31,12 @@ impl Plan {
     ///
     /// # Errors
     /// Fails on the first thing that is wrong.
-    pub(super) fn of(action: &Listed, config: &Actions) -> Result<Plan, LabError> {
-        let Action::Run(keys) = &action.what else { return Ok(Plan::default()) };
+    pub(super) fn of(
+        keys: &RunKeys,
+        action: &Listed,
+        config: &Actions,
+        generated: &[Generated],
+    ) -> Result<Plan, LabError> {
         let out_of_range = |name: &str, range: &str| config.error(action, format!("`{name}` is not {range}"));
         match keys {
             RunKeys { seconds: Some(_), passes: Some(_), .. } => {
@@ -54,8 +57,8 @@ impl Plan {
             }
         }
         let environment = |file: SettingsFile| Setup::all_of(&file).map(|setups| (file, setups));
-        let scenes = config.named(Sort::Scene, action, &keys.scenes)?;
-        let environments = config.named(Sort::Environment, action, &keys.envs)?;
+        let scenes = config.scenes(action, &keys.scenes, generated)?;
+        let environments = config.environments(action, &keys.envs)?;
         Ok(Plan {
             scenes,
             environments: environments.into_iter().map(environment).collect::<Result<_, _>>()?,
@@ -68,7 +71,8 @@ impl Plan {
         self.scenes.len() * self.environments.iter().map(|(_, setups)| setups.len()).sum::<usize>()
     }
 
-    fn swept(&self) -> impl Iterator<Item = String> + '_ {
+    /// Returns the names of the swept keys.
+    pub(super) fn swept(&self) -> impl Iterator<Item = String> + '_ {
         self.environments.iter().flat_map(|(file, _)| file.swept())
     }
 }
@@ -89,8 +93,8 @@ pub(super) struct Tables<'a> {
 }
 
 impl<'a> Tables<'a> {
-    pub(super) fn new(folder: &'a Path, plans: &[Plan], resume: bool) -> Tables<'a> {
-        let mut settings: Vec<String> = plans.iter().flat_map(Plan::swept).collect();
+    pub(super) fn new(folder: &'a Path, swept: impl Iterator<Item = String>, resume: bool) -> Tables<'a> {
+        let mut settings: Vec<String> = swept.collect();
         settings.sort();
         settings.dedup();
         Tables { folder, settings, resume, table: None }
@@ -237,7 +241,12 @@ fn picture_name(scene: &str, setup: &Setup, view: View) -> PathBuf {
     let swept = setup.swept.iter().map(|(name, value)| format!("{name}-{value}"));
     let words: Vec<String> =
         [scene.to_owned(), setup.name.clone()].into_iter().chain(swept).chain([view.name().to_owned()]).collect();
-    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '_' { c } else { '-' };
-    let name: String = words.join("-").chars().map(plain).collect();
-    PathBuf::from(name.trim_start_matches(['.', '-']).to_owned() + ".png")
+    PathBuf::from(plain(&words.join("-")) + ".png")
+}
+
+/// Returns a text as the name of a file: letters, digits, points and underscores stay.
+pub(super) fn plain(text: &str) -> String {
+    let of = |c: char| if c.is_ascii_alphanumeric() || c == '.' || c == '_' { c } else { '-' };
+    let name: String = text.chars().map(of).collect();
+    name.trim_start_matches(['.', '-']).to_owned()
 }

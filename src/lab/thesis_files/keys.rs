@@ -63,7 +63,7 @@ const fn key(name: &'static str, kind: Kind) -> Key {
 }
 
 /// Largest number of instances: as many as a TLAS can tell apart.
-const MOST_INSTANCES: u64 = 1 << 24;
+pub(in crate::lab) const MOST_INSTANCES: u64 = 1 << 24;
 
 /// Table 4.1.
 const SCENE: [Key; 12] = [

@@ -8,15 +8,15 @@ mod keys;
 mod lines;
 mod sections;
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 pub use convert::{Converted, convert};
-pub(super) use keys::{Value, keys_of};
+pub(super) use keys::{MOST_INSTANCES, Value, keys_of};
 pub(super) use sections::{Section, read_sections};
 
 use super::LabError;
 use super::error_vs_time::Value as OptionValue;
-use crate::motion::Animation;
+use crate::motion::{Animation, PlacedCopies};
 use keys::Key;
 
 /// What a file describes.
@@ -133,6 +133,60 @@ impl SettingsFile {
         self.entries.iter().find(|entry| entry.key.name == name)
     }
 
+    /// Returns what the file describes, for names of files: that of a `.scn` or `.env` file, or else the name of the scene.
+    pub(super) fn stem(&self) -> String {
+        let of_path =
+            |path: &Path| path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        match (Sort::of(&self.path), self.values("SCENE_NAME"), self.values("MODEL_FILE_NAME")) {
+            (None, [Value::Text(name)], _) => name.clone(),
+            (None, _, [Value::Text(model)]) => of_path(Path::new(model)),
+            _ => of_path(&self.path),
+        }
+    }
+
+    /// Returns a scene with a name and with other instances.
+    pub(super) fn with_instances(&self, name: String, copies: PlacedCopies) -> SettingsFile {
+        let PlacedCopies { positions, animations } = copies;
+        let mut scene = self.clone();
+        scene.set("SCENE_NAME", Value::Text(name));
+        scene.set("INSTANCE_COUNT", Value::Whole(positions.len() as u64));
+        scene.set("ANIM_INSTANCE_COUNT", Value::Whole(animations.len() as u64));
+        scene.positions = positions.iter().map(|position| position.to_array()).collect();
+        scene.animations = animations;
+        scene
+    }
+
+    /// Writes a scene as a `.scn` file in a folder; paths of models are then relative to it.
+    ///
+    /// # Errors
+    /// Fails if a model cannot be found, if lines cannot state something, or if the file cannot be written.
+    pub(super) fn write_scene(&self, folder: &Path, name: &str) -> Result<PathBuf, LabError> {
+        let failed = |at: &Path, e: std::io::Error| LabError::file(at, e);
+        let real_folder = folder.canonicalize().map_err(|e| failed(folder, e))?;
+        let mut scene = self.clone();
+        for key in ["MODEL_FILE_NAME", "INSTANCE_FILE_NAME"] {
+            if let [Value::Text(model)] = self.values(key) {
+                let model = self.beside(model);
+                let real = model.canonicalize().map_err(|e| failed(&model, e))?;
+                scene.set(key, Value::Text(relative(&real_folder, &real).display().to_string()));
+            }
+        }
+        let path = folder.join(name);
+        std::fs::write(&path, lines::write(&scene)?).map_err(|e| failed(&path, e))?;
+        Ok(path)
+    }
+
+    /// Sets a key to one value.
+    fn set(&mut self, name: &str, value: Value) {
+        match self.entries.iter_mut().find(|entry| entry.key.name == name) {
+            Some(entry) => entry.values = vec![value],
+            None => {
+                let key = Key::named(self.sort, name).unwrap_or_else(|| unreachable!("`{name}` is a key"));
+                self.insert(Entry { key, values: vec![value], line: self.line });
+            }
+        }
+    }
+
     /// Returns the values of a key; none if it is not given.
     pub(super) fn values(&self, name: &str) -> &[Value] {
         self.entry(name).map_or(&[], |entry| &entry.values)
@@ -187,10 +241,15 @@ impl SettingsFile {
             let cause = format!("`{}` is given twice, first in line {}", entry.key.name, first.line);
             return Err(self.error(entry.line, cause));
         }
+        self.insert(entry);
+        Ok(())
+    }
+
+    /// Inserts a key in the order of the table.
+    fn insert(&mut self, entry: Entry) {
         let place = |key: &Key| keys_of(self.sort).iter().position(|of| of.name == key.name);
         let at = self.entries.partition_point(|other| place(other.key) < place(entry.key));
         self.entries.insert(at, entry);
-        Ok(())
     }
 
     /// Checks what concerns several keys.
@@ -217,4 +276,14 @@ impl SettingsFile {
         }
         Ok(self)
     }
+}
+
+/// Returns the way from a folder to a file, both without links; the file itself if they have nothing in common.
+fn relative(folder: &Path, file: &Path) -> PathBuf {
+    let common = folder.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+    if common == 0 {
+        return file.to_owned();
+    }
+    let up = folder.components().skip(common).map(|_| Component::ParentDir);
+    up.chain(file.components().skip(common)).collect()
 }
