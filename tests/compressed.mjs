@@ -147,12 +147,40 @@ function spread(array, size) {
   return Float32Array.from({ length: (array.length / size) * 4 }, (_, i) => (i % 4 < size ? array[Math.floor(i / 4) * size + (i % 4)] : 0));
 }
 
+// A GLB file with both rings, compressed by Draco in one of its two ways.
+async function draco(file, method) {
+  const { Document, NodeIO } = await load('@gltf-transform/core');
+  const { KHRDracoMeshCompression } = await load('@gltf-transform/extensions');
+  const document = new Document();
+  const buffer = document.createBuffer();
+  const scene = document.createScene();
+  const accessor = (array, type, normalized = false) => document.createAccessor().setBuffer(buffer).setType(type).setArray(array).setNormalized(normalized);
+  for (const turn of [false, true]) {
+    const { attributes: a, indices, count } = ring(32, 12, turn);
+    const primitive = document.createPrimitive()
+      .setIndices(accessor(turn ? indices : Uint16Array.from(indices), 'SCALAR'))
+      .setAttribute('POSITION', accessor(a.POSITION, 'VEC3'))
+      .setAttribute('NORMAL', accessor(a.NORMAL, 'VEC3'))
+      .setAttribute('TEXCOORD_0', accessor(a.TEXCOORD_0, 'VEC2'))
+      .setAttribute('COLOR_0', accessor(Uint8Array.from(a.COLOR_0, (x) => Math.round(255 * x)), 'VEC4', true))
+      .setAttribute('_PART', accessor(Uint16Array.from({ length: count }, (_, i) => 300 * (i % 7)), 'SCALAR'));
+    const name = turn ? 'turned ring' : 'flat ring';
+    scene.addChild(document.createNode(name).setMesh(document.createMesh(name).addPrimitive(primitive)));
+  }
+  document.createExtension(KHRDracoMeshCompression).setRequired(true).setEncoderOptions({ method: KHRDracoMeshCompression.EncoderMethod[method] });
+  const io = new NodeIO().registerExtensions([KHRDracoMeshCompression]);
+  io.registerDependencies({ 'draco3d.encoder': await require('draco3dgltf').createEncoderModule() });
+  await io.write(file, document);
+}
+
 async function write() {
   const { MeshoptEncoder, MeshoptDecoder } = await load('meshoptimizer');
   await Promise.all([MeshoptEncoder.ready, MeshoptDecoder.ready]);
   mkdirSync(place, { recursive: true });
   meshopt(path.join(place, 'meshopt.glb'), MeshoptEncoder, MeshoptDecoder, 'EXT_meshopt_compression', 0);
   meshopt(path.join(place, 'meshopt_khr.glb'), MeshoptEncoder, MeshoptDecoder, 'KHR_meshopt_compression', 1);
+  await draco(path.join(place, 'draco.glb'), 'EDGEBREAKER');
+  await draco(path.join(place, 'draco_sequential.glb'), 'SEQUENTIAL');
 }
 
 // The bytes of a file, with the Khronos name of the meshopt extension replaced by the older one, which is the one that
@@ -163,6 +191,15 @@ function renamed(file) {
   return bytes;
 }
 
+// A .gltf file with its buffers; images, which nobody compares, are left empty.
+function withBuffers(file) {
+  const json = JSON.parse(renamed(file));
+  const read = ({ uri }) => [uri, new Uint8Array(readFileSync(path.join(path.dirname(file), decodeURIComponent(uri))))];
+  const images = (json.images ?? []).filter(({ uri }) => uri && !uri.startsWith('data:')).map(({ uri }) => [uri, new Uint8Array()]);
+  const buffers = json.buffers.filter(({ uri }) => uri && !uri.startsWith('data:')).map(read);
+  return { json, resources: Object.fromEntries([...images, ...buffers]) };
+}
+
 async function open(file) {
   const { NodeIO, Logger } = await load('@gltf-transform/core');
   const { ALL_EXTENSIONS } = await load('@gltf-transform/extensions');
@@ -170,7 +207,7 @@ async function open(file) {
   await MeshoptDecoder.ready;
   const io = new NodeIO().setLogger(new Logger(Logger.Verbosity.ERROR)).registerExtensions(ALL_EXTENSIONS);
   io.registerDependencies({ 'meshopt.decoder': MeshoptDecoder, 'draco3d.decoder': await require('draco3dgltf').createDecoderModule() });
-  return file.endsWith('.glb') ? io.readBinary(renamed(file)) : io.read(file);
+  return file.endsWith('.glb') ? io.readBinary(renamed(file)) : io.readJSON(withBuffers(file));
 }
 
 async function decode() {

@@ -158,13 +158,11 @@ fn node_cycles_and_second_parents_are_refused() {
 
 #[test]
 fn required_extensions_that_are_unknown_are_refused_by_name() {
-    for name in ["ACME_teleport", "KHR_draco_mesh_compression"] {
-        let require = |json: &mut Value| {
-            json["extensionsUsed"] = json!([name]);
-            json["extensionsRequired"] = json!([name]);
-        };
-        assert_refuses(require, &["extensionsRequired[0]", name]);
-    }
+    let require = |json: &mut Value| {
+        json["extensionsUsed"] = json!(["ACME_teleport"]);
+        json["extensionsRequired"] = json!(["ACME_teleport"]);
+    };
+    assert_refuses(require, &["extensionsRequired[0]", "ACME_teleport"]);
 }
 
 #[test]

@@ -154,7 +154,7 @@ impl<'d> Accessor<'d> {
 }
 
 /// Returns the type of an accessor's elements.
-fn element(at: &At<'_>, kind: &str) -> Result<Element, Error> {
+pub(super) fn element(at: &At<'_>, kind: &str) -> Result<Element, Error> {
     let component_at = at.need("componentType")?;
     let component = component_of(component_at.integer()?)
         .ok_or_else(|| component_at.error(format_args!("there is no component type {}", component_at.value)))?;

@@ -31,16 +31,27 @@ pub(crate) fn compact(doc: &mut Document) -> Compacted {
     removed
 }
 
-/// Removes the elements of a list that nothing refers to, and renumbers the references to the rest. Returns how many
-/// were removed. Takes time linear in the size of the document.
-fn compact_list(json: &mut Value, list: &str, visit: Visit) -> usize {
-    let count = json.get(list).and_then(Value::as_array).map_or(0, Vec::len);
-    let mut used = vec![false; count];
+/// Returns whether something refers to each buffer view. Extensions that are not known are not looked at.
+pub(super) fn used_views(json: &mut Value) -> Vec<bool> {
+    used(json, "bufferViews", view_references)
+}
+
+/// Returns whether something refers to each element of a list.
+fn used(json: &mut Value, list: &str, visit: Visit) -> Vec<bool> {
+    let mut used = vec![false; json.get(list).and_then(Value::as_array).map_or(0, Vec::len)];
     visit(json, &mut |reference| {
         if let Some(slot) = unsigned(reference).and_then(|i| used.get_mut(i)) {
             *slot = true;
         }
     });
+    used
+}
+
+/// Removes the elements of a list that nothing refers to, and renumbers the references to the rest. Returns how many
+/// were removed. Takes time linear in the size of the document.
+fn compact_list(json: &mut Value, list: &str, visit: Visit) -> usize {
+    let used = used(json, list, visit);
+    let count = used.len();
     let mut kept = 0;
     let mut numbers = Vec::with_capacity(count);
     for used in &used {

@@ -52,7 +52,7 @@ pub(super) const MESHOPT: [&str; 2] = [EXT_MESHOPT_COMPRESSION, KHR_MESHOPT_COMP
 
 /// Rejects a file that requires an unsupported extension.
 pub(super) fn check_required_of_file(root: &At<'_>) -> Result<(), Error> {
-    check(root, |name| is_readable(name) || MESHOPT.contains(&name))
+    check(root, |name| is_readable(name) || name == KHR_DRACO_MESH_COMPRESSION || MESHOPT.contains(&name))
 }
 
 /// Rejects a document, decompressed as it is after reading, that requires an unsupported extension.

@@ -10,10 +10,10 @@ use base64::engine::general_purpose::STANDARD;
 use raykiln_formats::{Document, ReadOptions, read};
 use serde_json::{Value, json};
 
-use crate::support::{folder, glb, read_bytes, refused, text, triangle_bytes, triangle_json, triangles};
+use crate::support::{Random, folder, glb, read_bytes, refused, text, triangle_bytes, triangle_json, triangles};
 
 /// The samples, made by `node tests/compressed.mjs write`.
-const SAMPLES: [&str; 2] = ["meshopt.glb", "meshopt_khr.glb"];
+const SAMPLES: [&str; 4] = ["meshopt.glb", "meshopt_khr.glb", "draco.glb", "draco_sequential.glb"];
 
 fn sample(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/compressed").join(name)
@@ -242,24 +242,18 @@ fn what_is_wrong_with_compressed_views_is_named() {
 #[test]
 fn views_that_share_a_stream_cannot_exhaust_memory() {
     let mut json = with_meshopt();
-    // Constant elements take next to nothing: 256 blocks of 8192 bytes.
-    let [count, stride] = [256 * 128, 64];
-    let packed = [&[0xA1][..], &[0xAA; 256 * 16], &[0; 80]].concat();
-    json["buffers"] = json!([{ "byteLength": packed.len() }, { "byteLength": count * stride }]);
-    let view = |n: usize| {
-        json!({ "buffer": 1, "byteLength": count * stride, "name": n, "extensions": { "EXT_meshopt_compression": {
-            "buffer": 0, "byteLength": packed.len(), "byteStride": stride, "mode": "ATTRIBUTES", "count": count
-        }}})
-    };
-    json["bufferViews"] = (0..100).map(view).collect();
-    let doc = read_bytes("a.glb", &glb(&json, &packed)).unwrap();
-    assert_eq!(doc.buffers[2].len(), count * stride);
-    json["bufferViews"] = (0..200).map(view).collect();
+    // 192 MiB each.
+    let (claim, packed) = (3 << 20, [0xA0; 9]);
+    json["buffers"] = json!([{ "byteLength": packed.len() }, { "byteLength": 64 * claim }]);
+    let view = json!({ "buffer": 1, "byteLength": 64 * claim, "extensions": { "EXT_meshopt_compression": {
+        "buffer": 0, "byteLength": 9, "byteStride": 64, "mode": "ATTRIBUTES", "count": claim
+    }}});
+    json["bufferViews"] = vec![view; 2].into();
     let message = refused("a.glb", &glb(&json, &packed));
-    assert!(message.starts_with("bufferViews[128]") && message.contains("at most 268435456 bytes"), "{message}");
+    assert!(message.starts_with("bufferViews[1]") && message.contains("at most 268435456 bytes"), "{message}");
 }
 
-fn with_draco(json: &mut Value) {
+fn with_unused_draco(json: &mut Value) {
     json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
     json["meshes"][0]["primitives"][0]["extensions"] =
         json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": { "POSITION": 0 } } });
@@ -268,19 +262,161 @@ fn with_draco(json: &mut Value) {
 #[test]
 fn optional_draco_gives_way_to_the_uncompressed_accessors() {
     let mut json = triangle_json();
-    with_draco(&mut json);
+    with_unused_draco(&mut json);
     let doc = read_bytes("a.glb", &glb(&json, &triangle_bytes())).unwrap();
     assert_eq!(doc.json, triangle_json());
     assert!(doc.warnings[0].to_string().contains("KHR_draco_mesh_compression of 1 primitives is left out"));
     assert_eq!(triangles(&doc).positions[1], [1.0, 0.0, 0.0]);
 }
 
+/// The JSON and the binary chunk of a sample.
+fn parts(name: &str) -> (Value, Vec<u8>) {
+    let bytes = std::fs::read(sample(name)).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), bytes[28 + length..].to_vec())
+}
+
+/// Reads the Draco sample after a change of its JSON.
+fn changed(change: impl FnOnce(&mut Value)) -> Result<Document, String> {
+    let (mut json, bin) = parts("draco.glb");
+    change(&mut json);
+    read_bytes("a.glb", &glb(&json, &bin)).map_err(|e| format!("{}: {}", e.place, e.cause))
+}
+
+/// The extension object of the sample's first primitive.
+fn extension(json: &mut Value) -> &mut Value {
+    &mut json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]
+}
+
 #[test]
-fn draco_without_uncompressed_accessors_is_refused() {
-    let mut json = triangle_json();
-    with_draco(&mut json);
-    json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
-    let message = refused("a.glb", &glb(&json, &triangle_bytes()));
-    assert!(message.starts_with("meshes[0].primitives[0]"), "{message}");
-    assert!(message.contains("is not decompressed yet"));
+fn what_is_wrong_with_draco_primitives_is_named() {
+    let faults: [Fault; 10] = [
+        (|j| extension(j)["attributes"]["POSITION"] = json!(9), "POSITION: the stream has no attribute with the id 9"),
+        (|j| extension(j)["attributes"]["POSITION"] = json!(2), "the accessor has 3 components, but the stream has 2"),
+        (|j| extension(j)["attributes"]["POSITION"] = json!(-1), "POSITION: expected an unsigned integer, found -1"),
+        (|j| extension(j)["attributes"]["WEIGHTS_0"] = json!(0), "attributes.WEIGHTS_0: is missing"),
+        (|j| j["accessors"][1]["componentType"] = json!(5123), "a value of the stream does not fit the accessor"),
+        (
+            |j| j["accessors"][5]["componentType"] = json!(5121),
+            "_PART: a value of the stream does not fit the accessor",
+        ),
+        (|j| j["meshes"][0]["primitives"][0]["mode"] = json!(1), "primitives of mode 1 cannot be compressed"),
+        (|j| extension(j)["bufferView"] = json!(7), "bufferView: bufferViews[7] does not exist"),
+        (|j| j["bufferViews"][0]["byteLength"] = json!(1000), "the stream cannot be decompressed"),
+        (|j| j["bufferViews"][0]["byteOffset"] = json!(4), "the stream cannot be decompressed"),
+    ];
+    for (change, expected) in faults {
+        let message = changed(change).expect_err(expected);
+        assert!(message.starts_with("meshes[0].primitives[0]") && message.contains(expected), "{message}");
+    }
+}
+
+#[test]
+fn counts_that_contradict_the_stream_are_corrected_with_a_warning() {
+    let doc = changed(|json| json["accessors"][1]["count"] = json!(400)).unwrap();
+    assert_eq!(doc.json["accessors"][1]["count"], json!(429));
+    let expected = "accessors[1]: count is 400, but the Draco stream has 429 elements, which are used";
+    assert_eq!(doc.warnings[0].to_string(), expected);
+}
+
+#[test]
+fn index_types_that_are_too_small_for_the_stream_are_widened() {
+    let doc = changed(|json| json["accessors"][0]["componentType"] = json!(5121)).unwrap();
+    assert_eq!(doc.json["accessors"][0]["componentType"], json!(5123));
+    assert_eq!(triangles(&doc).corners.len(), 768);
+}
+
+#[test]
+fn integers_of_the_stream_become_the_type_of_the_accessor() {
+    let before = changed(|_| ()).unwrap();
+    let after = changed(|json| json["accessors"][5]["componentType"] = json!(5126)).unwrap();
+    let [before, after] = [&before, &after].map(|doc| doc.attributes(0, 0).pop().unwrap().numbers(6));
+    assert_eq!((before, after), ([1800.0, 0.0, 0.0, 1.0], [1800.0, 0.0, 0.0, 1.0]));
+}
+
+#[test]
+fn primitives_without_indices_get_those_of_the_stream() {
+    let remove = |json: &mut Value| drop(json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("indices"));
+    let doc = changed(remove).unwrap();
+    assert_eq!(triangles(&doc).corners, triangles(&changed(|_| ()).unwrap()).corners);
+}
+
+#[test]
+fn the_triangles_of_a_strip_are_a_list() {
+    let doc = changed(|json| json["meshes"][0]["primitives"][0]["mode"] = json!(5)).unwrap();
+    assert_eq!(triangles(&doc).corners, triangles(&changed(|_| ()).unwrap()).corners);
+}
+
+#[test]
+fn primitives_share_a_stream_and_its_accessors() {
+    let doc = changed(|json| json["meshes"][1] = json["meshes"][0].clone()).unwrap();
+    assert_eq!(doc.json["meshes"][0], doc.json["meshes"][1]);
+    assert_eq!(doc.json["accessors"].as_array().unwrap().len(), 12);
+}
+
+#[test]
+fn an_accessor_that_two_streams_claim_is_parted() {
+    let doc = changed(|json| json["meshes"][1]["primitives"][0]["attributes"]["POSITION"] = json!(1)).unwrap();
+    let apart = changed(|_| ()).unwrap();
+    for mesh in 0..2 {
+        let [positions, expected] = [&doc, &apart].map(|doc| doc.attributes(mesh, 0)[0].data.to_vec());
+        assert_eq!(positions, expected);
+    }
+}
+
+#[test]
+fn the_bounds_of_positions_are_those_of_the_decoded_ones() {
+    let doc = changed(|json| json["accessors"][1]["min"] = json!([7, 7, 7])).unwrap();
+    let least = doc.json["accessors"][1]["min"][0].as_f64().unwrap();
+    assert!((-2.51..-2.49).contains(&least), "{least}");
+}
+
+#[test]
+fn the_views_of_streams_do_not_stay_behind() {
+    let (json, _) = parts("draco.glb");
+    let doc = changed(|_| ()).unwrap();
+    let views = doc.json["bufferViews"].as_array().unwrap();
+    assert_eq!((json["bufferViews"].as_array().unwrap().len(), views.len()), (2, 12));
+}
+
+#[test]
+fn accessors_that_share_a_stream_cannot_exhaust_memory() {
+    let many = |json: &mut Value| {
+        let accessor = json["accessors"][1].clone();
+        let primitive = json["meshes"][0]["primitives"][0].clone();
+        json["accessors"] = Value::Array(vec![accessor; 20_000]);
+        let with = |i: usize| {
+            let mut primitive = primitive.clone();
+            primitive["attributes"] = json!({ "POSITION": i });
+            primitive["extensions"]["KHR_draco_mesh_compression"]["attributes"] = json!({ "POSITION": 0 });
+            primitive.as_object_mut().unwrap().remove("indices");
+            primitive
+        };
+        json["meshes"][0]["primitives"] = (1..20_000).map(with).collect();
+        json["meshes"].as_array_mut().unwrap().pop();
+        json["nodes"].as_array_mut().unwrap().pop();
+        json["scenes"][0]["nodes"] = json!([0]);
+    };
+    let message = changed(many).unwrap_err();
+    assert!(message.contains("at most 268435456 bytes of decompressed data"), "{message}");
+}
+
+#[test]
+fn damaged_samples_are_read_or_refused() {
+    let count = std::env::var("DAMAGED_SAMPLES").map_or(60, |count| count.parse().expect("a number"));
+    for name in SAMPLES {
+        let (json, bin) = parts(name);
+        for seed in 1..=count {
+            let mut random = Random(seed);
+            let mut bin = bin.clone();
+            for _ in 0..=random.below(4) {
+                let at = random.below(bin.len());
+                bin[at] = random.below(256) as u8;
+            }
+            let read = raykiln_formats::read_bytes("a.glb", glb(&json, &bin));
+            if let Ok(doc) = read {
+                let _ = doc.contents(ReadOptions::default());
+            }
+        }
+    }
 }

@@ -22,6 +22,16 @@ impl Budget {
         Budget { left: total, total }
     }
 
+    /// Returns what is left, in bytes.
+    pub(super) fn left(&self) -> u64 {
+        self.left
+    }
+
+    /// Gives bytes back that were taken and not used.
+    pub(super) fn give_back(&mut self, bytes: u64) {
+        self.left += bytes;
+    }
+
     /// Takes bytes from the budget.
     ///
     /// # Errors

@@ -14,5 +14,5 @@ use crate::{Document, Error};
 pub(super) fn decompress(doc: &mut Document) -> Result<(), Error> {
     let mut budget = Budget::of(doc);
     meshopt::decompress(doc, &mut budget)?;
-    draco::decompress(doc)
+    draco::decompress(doc, &mut budget)
 }
