@@ -276,6 +276,12 @@ pub fn check_output(out: &Path) -> Result<(), Error> {
     crate::gltf::write::check(out)
 }
 
+/// Whether a file of an earlier output can have the name `name` beside `out`: the name stays in the folder, and the file
+/// replaces no buffer of another scene.
+pub fn can_hold(out: &Path, name: &Path) -> bool {
+    crate::gltf::write::can_hold(out, name)
+}
+
 /// Files written but not yet in place. They are removed if dropped without [`Staged::commit`].
 #[derive(Debug)]
 pub struct Staged {

@@ -36,6 +36,7 @@ mod extension_names;
 mod gltf;
 mod meshopt;
 mod obj;
+mod outline;
 pub mod properties;
 pub mod staging;
 pub mod unchecked;
@@ -43,6 +44,7 @@ pub mod unchecked;
 pub use contents::Contents;
 pub use document::Document;
 pub use error::{Error, ErrorKind, Warning};
+pub use outline::{Outline, outline};
 
 use std::path::Path;
 

@@ -16,6 +16,7 @@ pub(crate) mod json;
 mod limits;
 mod merge_key;
 mod node;
+pub(crate) mod outline;
 mod pack;
 mod positions;
 mod primitive;

@@ -15,6 +15,28 @@ impl Staged {
         self.files.iter().map(|(from, _)| from.as_path())
     }
 
+    /// Begins an output whose files are known already, to be added with [`Staged::add`], the scene file last.
+    ///
+    /// # Errors
+    /// As [`crate::document::check_output`].
+    pub fn begin(out: &Path) -> Result<Self, Error> {
+        super::write::check(out)?;
+        Staged::new(out)
+    }
+
+    /// Adds a file to be named `name` in the final folder, with what `fill` writes.
+    ///
+    /// # Errors
+    /// Names the file that could not be written.
+    pub fn add(&mut self, name: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), Error> {
+        self.write(name, |file| fill(file))
+    }
+
+    /// Returns the written files, where they are staged, each with its name in the final folder; the scene file comes last.
+    pub fn named_files(&self) -> impl Iterator<Item = (&Path, &Path)> {
+        self.files.iter().map(|(from, to)| (from.as_path(), to.strip_prefix(&self.target).unwrap_or(to)))
+    }
+
     /// Creates an empty staging folder next to `out`, on the same file system.
     pub(super) fn new(out: &Path) -> Result<Self, Error> {
         let folder = staging_folder(out)?;

@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 use super::binary::{BIN, CHUNK_HEADER, HEADER, JSON, MAGIC};
 use super::images::Images;
 use super::json::At;
+use super::outline::files_of;
 use super::pack::Packed;
 use super::read::read_regular;
 use super::staged;
@@ -20,6 +21,15 @@ use crate::{Error, Warning};
 pub(crate) fn check(out: &Path) -> Result<(), Error> {
     kind_of(out)?;
     staged::check(out)
+}
+
+/// Whether a file of an earlier output can be put beside `out`: its name stays in the folder, and it replaces no buffer of
+/// something else.
+pub(crate) fn can_hold(out: &Path, name: &Path) -> bool {
+    let file = uri::folder_of(out).join(name);
+    let is_buffer = name.extension().is_some_and(|extension| extension == "bin");
+    let is_foreign = || file.symlink_metadata().is_ok() && !buffer_files(out).contains(&file);
+    name.to_str().is_some_and(uri::stays_inside) && !(is_buffer && is_foreign())
 }
 
 pub(crate) fn stage(doc: &Document, out: &Path) -> Result<Staged, Error> {
@@ -199,13 +209,7 @@ fn numbered_bin(scene: &Path, number: u32) -> String {
 /// Returns the buffer files of a `.gltf` file; empty if it cannot be read.
 fn buffer_files(scene: &Path) -> Vec<PathBuf> {
     let json = read_regular(scene).ok().and_then(|text| serde_json::from_slice::<Value>(&text).ok());
-    let buffers = json.as_ref().and_then(|json| json.get("buffers")?.as_array()).into_iter().flatten();
-    let file = |buffer: &Value| {
-        let text = buffer.get("uri")?.as_str()?;
-        let Uri::File(name) = uri::parse(text) else { return None };
-        Some(uri::locate(uri::folder_of(scene), text, &name))
-    };
-    buffers.filter_map(file).collect()
+    json.iter().flat_map(|json| files_of(json, "buffers", scene)).collect()
 }
 
 fn other_name_warning(out: &Path, bin: &str) -> Option<Warning> {

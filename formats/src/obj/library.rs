@@ -75,7 +75,7 @@ impl Libraries {
 
 /// Returns the files of an `mtllib` statement: all its words as one name if such a file exists, otherwise as few names
 /// as there are files for. Names without a file cause a warning.
-fn library_files(written: &str, line: usize, files: &mut Files, notes: &mut Notes) -> Vec<PathBuf> {
+pub(super) fn library_files(written: &str, line: usize, files: &mut Files, notes: &mut Notes) -> Vec<PathBuf> {
     const MOST_WORDS: usize = 64;
     let folder = files.folder.clone();
     if let Some(file) = files.find(&folder, written) {

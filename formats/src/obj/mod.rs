@@ -21,6 +21,7 @@ mod library;
 mod material;
 mod mesh;
 mod notes;
+mod outline;
 mod polygon;
 mod scan;
 mod shift;
@@ -41,6 +42,8 @@ use library::Libraries;
 use material::Materials;
 use notes::Notes;
 use scan::{Fault, Scan};
+
+pub(crate) use outline::outline;
 
 /// Whether to read the file as OBJ.
 pub(crate) fn is_obj(path: &Path) -> bool {
