@@ -36,10 +36,11 @@
 //! dependencies point one way, from later to earlier modules: [`scene`] (what a ray tracer sees), [`tree`] (trees over
 //! boxes), [`layout`] (which triangles share a BLAS), [`cost`] (metrics), [`methods`] (how layouts are made),
 //! [`mod@verify`] (traces rays through input and output), [`copies`] (meshes that are copies of others), [`emit`]
-//! (turns a layout into a document), [`choose`] (which layout to write), [`render`] (pictures), [`report`],
+//! (turns a layout into a document), [`cache`] (results on disk), [`choose`] (which layout to write), [`render`] (pictures), [`report`],
 //! [`commands`], [`lab`] and [`cli`].
 //! The crate `raykiln-formats` reads and writes files.
 
+pub mod cache;
 pub mod choose;
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -74,6 +74,11 @@ pub(super) enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Check or clean the folder of `--cache`
+    Cache {
+        #[command(subcommand)]
+        command: super::cache::CacheCommand,
+    },
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -90,7 +95,7 @@ impl Command {
             Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) | Command::Render(_) => true,
             #[cfg(feature = "lab")]
             Command::Lab(_) => true,
-            Command::Devices { .. } | Command::Completions { .. } | Command::Man => false,
+            Command::Devices { .. } | Command::Cache { .. } | Command::Completions { .. } | Command::Man => false,
         }
     }
 }
@@ -126,11 +131,57 @@ pub(super) struct CompareArguments {
 
 #[derive(Debug, Args)]
 pub(super) struct BakeArguments {
-    /// Scene: OBJ, glTF or GLB
+    /// Scene: OBJ, glTF or GLB; `-` reads a scene in one file from standard input
     pub(super) input: PathBuf,
-    /// Output file: .glb, or .gltf with a .bin beside it
+    /// Output file: .glb, or .gltf with a .bin beside it; `-` writes a GLB to standard output
     #[arg(long, short)]
     pub(super) output: PathBuf,
+    /// Also write a report to FILE (.json, .html for a page with charts, or .sarif for findings about the input); may be
+    /// repeated
+    #[arg(long, value_name = "FILE")]
+    pub(super) report: Vec<PathBuf>,
+    /// Print the report as JSON on standard output
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Also write the report as JSON to an open file descriptor, such as the end of a pipe
+    #[cfg(unix)]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) emit_report_fd: Option<u16>,
+    /// Also write the decision, with every option and the hash of the input, to FILE (.json)
+    #[arg(long, value_name = "FILE")]
+    pub(super) write_plan: Option<PathBuf>,
+    /// Make the same bytes as the bake that wrote FILE, without a device and without deciding anything
+    #[arg(long, value_name = "FILE", conflicts_with = "write_plan")]
+    pub(super) plan: Option<PathBuf>,
+    /// Also write to FILE which files the output was made from, as a rule for Make and Ninja
+    #[arg(long, value_name = "FILE")]
+    pub(super) depfile: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) cache: CacheArguments,
+    #[command(flatten)]
+    pub(super) options: OptionArguments,
+}
+
+/// Where results are kept.
+#[derive(Clone, Debug, Args)]
+pub(super) struct CacheArguments {
+    /// Take the result from this folder if the same content was baked with the same options before, else keep it there;
+    /// any number of processes and machines may share the folder
+    #[arg(long, value_name = "DIR")]
+    pub(super) cache: Option<PathBuf>,
+    /// Keep the cache below this size, such as 20GiB: the results that were not used for the longest time go first
+    #[arg(long, value_name = "SIZE", requires = "cache", value_parser = size)]
+    pub(super) cache_size: Option<u64>,
+}
+
+/// A size in bytes, such as 4GiB.
+pub(super) fn size(text: &str) -> Result<u64, String> {
+    text.parse().map(|size: bytesize::ByteSize| size.0).map_err(|_| "must be a size, such as 500MB or 4GiB".into())
+}
+
+/// The options that decide what a bake writes.
+#[derive(Debug, Args)]
+pub(super) struct OptionArguments {
     /// How to decide which triangles share a BLAS
     #[arg(long, value_enum, default_value_t = MethodArgument::Auto)]
     method: MethodArgument,
@@ -140,19 +191,6 @@ pub(super) struct BakeArguments {
     /// auto: device class to predict for when no GPU is available
     #[arg(long, value_enum, default_value_t = ClassArgument::NoRtCores)]
     device_class: ClassArgument,
-    /// Also write a report to FILE (.json, .html for a page with charts, or .sarif for findings about the input); may be
-    /// repeated
-    #[arg(long, value_name = "FILE")]
-    pub(super) report: Vec<PathBuf>,
-    /// Print the report as JSON on standard output
-    #[arg(long)]
-    pub(super) json: bool,
-    /// Also write the decision, with every option and the hash of the input, to FILE (.json)
-    #[arg(long, value_name = "FILE")]
-    pub(super) write_plan: Option<PathBuf>,
-    /// Make the same bytes as the bake that wrote FILE, without a device and without deciding anything
-    #[arg(long, value_name = "FILE", conflicts_with = "write_plan")]
-    pub(super) plan: Option<PathBuf>,
     /// Do not restructure nodes and meshes whose name matches GLOB, nor the nodes below them; may be repeated
     #[arg(long, value_name = "GLOB")]
     keep: Vec<String>,
@@ -455,6 +493,14 @@ fn positive_ratio(text: &str) -> Result<f64, String> {
 impl BakeArguments {
     /// What the library needs to know.
     pub(super) fn options(&self) -> Result<BakeOptions> {
+        let plan = if self.write_plan.is_some() { PlanUse::Write } else { PlanUse::Neither };
+        Ok(BakeOptions { plan, ..self.options.options()? })
+    }
+}
+
+impl OptionArguments {
+    /// What the library needs to know.
+    fn options(&self) -> Result<BakeOptions> {
         let l = &self.layout;
         Ok(BakeOptions {
             show: false,
@@ -476,7 +522,7 @@ impl BakeArguments {
             prune: self.prune,
             copy_instances: self.instancing == InstancingArgument::Extension,
             verify: self.verify.options(),
-            plan: if self.write_plan.is_some() { PlanUse::Write } else { PlanUse::Neither },
+            plan: PlanUse::Neither,
         })
     }
 }

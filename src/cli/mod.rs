@@ -2,6 +2,9 @@
 
 mod applies;
 mod args;
+mod bake;
+mod cache;
+mod cached;
 mod interrupt;
 #[cfg(feature = "lab")]
 mod lab;
@@ -17,22 +20,19 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, anyhow};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
-use raykiln_formats::document::{Placed, Staged};
 use raykiln_formats::staging::Hold;
 
-use crate::commands::bake::{self, BakeOptions, Baked};
 use crate::commands::inspect;
 use crate::commands::verify;
 use crate::report;
 use crate::report::FailOn;
-use crate::report::plan::PlanFile;
 use crate::scene::LoadOptions;
 use crate::verify::verdict::Verdict;
 pub use memory::end as end_without_memory;
 
-use args::{Arguments, BakeArguments, Command, CompareArguments, InspectArguments, Output};
+use args::{Arguments, Command, CompareArguments, InspectArguments, Output};
 use progress::Progress;
-use reports::{Format, Reports, StagedReports};
+use reports::{Format, Reports};
 
 /// Exit status of a failed verification or fit, and of findings that `--fail-on` names.
 const FAILED: u8 = 1;
@@ -72,12 +72,13 @@ fn in_pool(threads: Option<u16>, command: impl FnOnce() -> Result<ExitCode> + Se
 
 fn dispatch(arguments: &Arguments, matches: &ArgMatches) -> Result<ExitCode> {
     match &arguments.command {
-        Command::Bake(bake) => run_bake(bake, matches, &arguments.output),
+        Command::Bake(bake) => bake::run(bake, matches, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
         Command::Render(render) => render::run(render, &arguments.output),
         #[cfg(feature = "lab")]
         Command::Lab(lab) => lab::run(lab, &arguments.output),
+        Command::Cache { command } => cache::run(command),
         Command::Devices { json } => {
             let report = report::DevicesReport::of_this_machine();
             let text = if *json { report::json::to_json(&report) } else { report::text::devices(&report) };
@@ -90,61 +91,6 @@ fn dispatch(arguments: &Arguments, matches: &ArgMatches) -> Result<ExitCode> {
         }
         Command::Man => print(&manual()?),
     }
-}
-
-fn run_bake(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) -> Result<ExitCode> {
-    let bake_matches = matches.subcommand_matches("bake").context("it is a bake")?;
-    let mut options: BakeOptions = match &arguments.plan {
-        Some(file) => plan::follow(file, arguments, bake_matches)?,
-        None => {
-            let options = arguments.options()?;
-            applies::check(&applies::given(matches), &options.choose)?;
-            options
-        }
-    };
-    let reports = Reports::check_with_findings(&arguments.report, &[&arguments.input, &arguments.output])?;
-    options.show = reports.have(Format::Page);
-    let plans = Reports::check_plan(&arguments.write_plan, &[&arguments.input, &arguments.output])?;
-    let mut progress = Progress::new(output.quiet);
-    let baked = bake::bake(arguments.input.as_path().into(), &arguments.output, &options, &mut |stage| {
-        progress.enter(stage.label())
-    });
-    progress.finish();
-    let Baked { report, output: scene, hashes, device, shown } = baked?;
-    let json = report::json::to_json(&report);
-    let plan = hashes.filter(|_| scene.is_some()).map(|hashes| {
-        let plan = PlanFile::of(&report, &hashes, device, plan::options(bake_matches));
-        plans.stage(|_| report::json::to_json(&plan).into())
-    });
-    let reports = reports.stage(|format| match format {
-        Format::Json => json.as_str().into(),
-        Format::Page => report::html::bake(&report, shown.as_ref()).into(),
-        Format::Sarif => report::to_sarif(&report.input.path, &report.findings).into(),
-    })?;
-    let staged = [Some(reports), plan.transpose()?];
-    // Printed before anything is in place: if it fails, there must be no output.
-    if arguments.json {
-        print(json.as_bytes())?;
-    }
-    put_in_place(scene, staged.into_iter().flatten())?;
-    if !output.quiet {
-        print_for_people(&report::text::bake(&report, output.verbose > 0));
-    }
-    Ok(match report.verdict {
-        Verdict::Failed | Verdict::CannotTell => {
-            print_error(format_args!("{}: verification failed: {}", report.output.display(), report.verify));
-            ExitCode::from(FAILED)
-        }
-        _ => ExitCode::SUCCESS,
-    })
-}
-
-/// Puts all files in place or none, even if a signal arrives.
-fn put_in_place(scene: Option<Staged>, mut reports: impl Iterator<Item = StagedReports>) -> Result<()> {
-    let _hold = Hold::new();
-    let placed = scene.map(Staged::put_in_place).transpose()?;
-    let committed = reports.try_for_each(StagedReports::commit);
-    committed.inspect_err(|_| placed.into_iter().for_each(Placed::take_back))
 }
 
 fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode> {

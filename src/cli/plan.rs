@@ -14,13 +14,17 @@ use crate::methods::Method;
 use crate::report::plan::PlanFile;
 
 /// Arguments that do not decide what is written, and so are not part of a plan.
-const NOT_PLANNED: [&str; 12] = [
+const NOT_PLANNED: [&str; 16] = [
     "input",
     "output",
     "report",
     "json",
     "plan",
     "write_plan",
+    "depfile",
+    "emit_report_fd",
+    "cache",
+    "cache_size",
     "device",
     "threads",
     "quiet",

@@ -21,7 +21,8 @@ pub(super) enum Format {
 impl Format {
     const ALL: [Format; 3] = [Format::Json, Format::Page, Format::Sarif];
 
-    fn extension(self) -> &'static str {
+    /// The extension of its files.
+    pub(super) fn extension(self) -> &'static str {
         match self {
             Format::Json => "json",
             Format::Page => "html",
@@ -63,6 +64,25 @@ impl<'a> Reports<'a> {
         Ok(Reports { option, files })
     }
 
+    /// Rejects a depfile that cannot be written.
+    pub(super) fn check_depfile(file: &'a Option<PathBuf>, taken: &[&Path]) -> Result<Self> {
+        let (option, files) = ("--depfile", file.as_slice());
+        for file in files {
+            check_place(file, taken).with_context(|| format!("{option} {}", file.display()))?;
+        }
+        Ok(Reports { option, files })
+    }
+
+    /// Writes a text to all files, whatever their format, but does not put them in place yet.
+    pub(super) fn stage_text(&self, text: &str) -> Result<StagedReports> {
+        self.files.iter().map(|file| self.stage_file(file, text)).collect::<Result<_>>().map(StagedReports)
+    }
+
+    fn stage_file(&self, file: &Path, text: &str) -> Result<Staged> {
+        let written = Staged::new(file).and_then(|of| fs::write(&of.from, text.as_bytes()).map(|()| of));
+        written.with_context(|| format!("{} {}: cannot be written", self.option, file.display()))
+    }
+
     /// Whether a file has a format.
     pub(super) fn have(&self, format: Format) -> bool {
         self.files.iter().any(|file| format.is_of(file))
@@ -75,9 +95,7 @@ impl<'a> Reports<'a> {
         for format in Format::ALL.into_iter().filter(|format| self.have(*format)) {
             let text = text(format);
             for file in self.files.iter().filter(|file| format.is_of(file)) {
-                let written = Staged::new(file).and_then(|of| fs::write(&of.from, text.as_bytes()).map(|()| of));
-                let written = written.with_context(|| format!("{} {}: cannot be written", self.option, file.display()));
-                staged.push(written?);
+                staged.push(self.stage_file(file, &text)?);
             }
         }
         Ok(StagedReports(staged))
@@ -118,6 +136,11 @@ fn check(file: &Path, formats: &[Format], taken: &[&Path]) -> Result<()> {
     let is_known = formats.iter().any(|format| format.is_of(file));
     let extensions: Vec<&str> = formats.iter().map(|format| format.extension()).collect();
     ensure!(is_known, "only files with the extension .{} can be written", extensions.join(" or ."));
+    check_place(file, taken)
+}
+
+/// Rejects a file that cannot be written, whatever its format.
+fn check_place(file: &Path, taken: &[&Path]) -> Result<()> {
     let folder = folder_of(file);
     ensure!(folder.is_dir(), "there is no folder {}", folder.display());
     ensure!(!file.is_dir(), "is a folder");

@@ -1,6 +1,7 @@
 //! The commands, independent of the command line.
 
 pub mod bake;
+pub mod cached;
 pub mod calls;
 mod error;
 mod fingerprint;

@@ -1,8 +1,10 @@
 //! Reports: the data (this module), as JSON ([`json`]) and as text ([`text`]).
 
+pub mod cached;
 pub mod candidates;
 mod choice;
 mod contents;
+mod depfile;
 mod devices;
 mod findings;
 pub mod html;
@@ -22,6 +24,7 @@ pub mod verdict;
 mod verification;
 pub(crate) mod words;
 
+pub use depfile::depfile;
 pub use devices::{Device, DeviceLimits, DevicesReport};
 pub(crate) use findings::{Broken, Objects, compare_with_output};
 pub use findings::{Cost, FailOn, Finding, NoSuchRule, Rule, Severity, Work, to_sarif};
