@@ -56,6 +56,9 @@ pub(super) enum Command {
     /// Choose a layout, write it, verify it and report
     #[command(after_help = BAKE_EXAMPLES)]
     Bake(Box<BakeArguments>),
+    /// Bake many assets: patterns, lists or a manifest; what is unchanged is not baked again
+    #[command(after_help = super::batch::EXAMPLES)]
+    Batch(Box<super::batch::BatchArguments>),
     /// Trace the same rays through two files of one scene and compare the hits
     #[command(after_help = VERIFY_EXAMPLES)]
     Verify(Box<CompareArguments>),
@@ -92,7 +95,9 @@ impl Command {
     /// Whether it reads scenes, and so may stage files.
     pub(super) fn reads_scenes(&self) -> bool {
         match self {
-            Command::Bake(_) | Command::Verify(_) | Command::Inspect(_) | Command::Render(_) => true,
+            Command::Bake(_) | Command::Batch(_) | Command::Verify(_) | Command::Inspect(_) | Command::Render(_) => {
+                true
+            }
             #[cfg(feature = "lab")]
             Command::Lab(_) => true,
             Command::Devices { .. } | Command::Cache { .. } | Command::Completions { .. } | Command::Man => false,
@@ -158,6 +163,9 @@ pub(super) struct BakeArguments {
     pub(super) depfile: Option<PathBuf>,
     #[command(flatten)]
     pub(super) cache: CacheArguments,
+    /// End, and leave nothing, when standard input is closed: whoever started the process has ended
+    #[arg(long, hide = true)]
+    pub(super) end_with_stdin: bool,
     #[command(flatten)]
     pub(super) options: OptionArguments,
 }

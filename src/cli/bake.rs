@@ -17,7 +17,7 @@ use super::args::{BakeArguments, Output};
 use super::cached::JSON;
 use super::progress::Progress;
 use super::reports::{Format, Reports, StagedReports};
-use super::{FAILED, applies, cached, plan, print, print_error, print_for_people};
+use super::{FAILED, applies, cached, interrupt, plan, print, print_error, print_for_people};
 use crate::commands::bake::{self, BakeOptions, Baked};
 use crate::commands::source::Source;
 use crate::report;
@@ -29,6 +29,9 @@ const STREAM: &str = "-";
 
 /// Bakes a scene, or takes the result from the cache.
 pub(super) fn run(arguments: &BakeArguments, matches: &ArgMatches, output: &Output) -> Result<ExitCode> {
+    if arguments.end_with_stdin {
+        interrupt::end_with_stdin();
+    }
     let bake_matches = matches.subcommand_matches("bake").context("it is a bake")?;
     let mut options = options(arguments, bake_matches, matches)?;
     let files = Files::check(arguments)?;

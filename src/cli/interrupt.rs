@@ -30,6 +30,22 @@ pub(super) fn install_handlers() {
     }
 }
 
+/// After this call, the program ends as by the signal TERM once its standard input is closed, which happens however the
+/// process at the other end of the pipe ends.
+pub(super) fn end_with_stdin() {
+    use std::io::{Read, stdin};
+    const TERMINATED: i32 = 128 + 15;
+    std::thread::spawn(|| {
+        let mut unused = [0; 64];
+        while stdin().read(&mut unused).is_ok_and(|count| count > 0) {}
+        raykiln_formats::staging::remove_all();
+        #[cfg(unix)]
+        signal_hook::low_level::exit(TERMINATED);
+        #[cfg(not(unix))]
+        std::process::exit(TERMINATED);
+    });
+}
+
 /// Does nothing: there are no such signals.
 #[cfg(not(unix))]
 pub(super) fn install_handlers() {}

@@ -3,6 +3,7 @@
 mod applies;
 mod args;
 mod bake;
+mod batch;
 mod cache;
 mod cached;
 mod interrupt;
@@ -73,6 +74,7 @@ fn in_pool(threads: Option<u16>, command: impl FnOnce() -> Result<ExitCode> + Se
 fn dispatch(arguments: &Arguments, matches: &ArgMatches) -> Result<ExitCode> {
     match &arguments.command {
         Command::Bake(bake) => bake::run(bake, matches, &arguments.output),
+        Command::Batch(batch) => batch::run(batch, matches, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
         Command::Render(render) => render::run(render, &arguments.output),

@@ -14,7 +14,7 @@ use crate::methods::Method;
 use crate::report::plan::PlanFile;
 
 /// Arguments that do not decide what is written, and so are not part of a plan.
-const NOT_PLANNED: [&str; 16] = [
+const NOT_PLANNED: [&str; 17] = [
     "input",
     "output",
     "report",
@@ -23,6 +23,7 @@ const NOT_PLANNED: [&str; 16] = [
     "write_plan",
     "depfile",
     "emit_report_fd",
+    "end_with_stdin",
     "cache",
     "cache_size",
     "device",
@@ -75,10 +76,7 @@ fn restored(plan: &PlanFile, bake: &ArgMatches) -> Result<BakeArguments> {
         let argument = planned.iter().find(|argument| argument.get_long() == Some(option));
         let argument = argument.with_context(|| format!("the plan has an option --{option}, this program has not"))?;
         check_given(option, values, argument, bake)?;
-        words.extend(values.iter().filter_map(|value| match argument.get_action() {
-            ArgAction::SetTrue => (value == "true").then(|| format!("--{option}")),
-            _ => Some(format!("--{option}={value}")),
-        }));
+        words.extend(values.iter().filter_map(|value| word(argument, option, value)));
     }
     for option in planned.iter().filter_map(Arg::get_long) {
         ensure!(plan.options.contains_key(option), "the plan has no option --{option}");
@@ -88,6 +86,51 @@ fn restored(plan: &PlanFile, bake: &ArgMatches) -> Result<BakeArguments> {
         Command::Bake(bake) => Ok(*bake),
         _ => bail!("the options are not those of a bake"),
     }
+}
+
+/// An option with a value as an argument; none for a switch that is off.
+fn word(argument: &Arg, option: &str, value: &str) -> Option<String> {
+    match argument.get_action() {
+        ArgAction::SetTrue => (value == "true").then(|| format!("--{option}")),
+        _ => Some(format!("--{option}={value}")),
+    }
+}
+
+/// The arguments of a bake that a batch passes on: those that decide what is written, and the device.
+fn passed_on() -> Vec<Arg> {
+    let command = Arguments::command();
+    let bake = command.find_subcommand("bake").map(|bake| bake.get_arguments().cloned().collect::<Vec<Arg>>());
+    let is_passed_on = |a: &Arg| a.get_id() == "device" || !NOT_PLANNED.contains(&a.get_id().as_str());
+    bake.unwrap_or_default().into_iter().filter(is_passed_on).collect()
+}
+
+/// The options of bakes that are given to another command, by their long names.
+pub(super) fn given(command: &ArgMatches) -> BTreeMap<String, Vec<String>> {
+    let values = |argument: &Arg| {
+        let id = argument.get_id().as_str();
+        let is_given = command.value_source(id) == Some(ValueSource::CommandLine);
+        let values = command.get_raw(id).filter(|_| is_given)?;
+        Some((argument.get_long()?.to_owned(), values.map(|value| value.to_string_lossy().into_owned()).collect()))
+    };
+    passed_on().iter().filter_map(values).collect()
+}
+
+/// Returns options of a bake as arguments.
+///
+/// # Errors
+/// Names an option that a bake has not, or a switch that is neither on nor off.
+pub(super) fn words(options: &BTreeMap<String, Vec<String>>) -> Result<Vec<String>> {
+    let known = passed_on();
+    let mut words = Vec::new();
+    for (option, values) in options {
+        let argument = known.iter().find(|argument| argument.get_long() == Some(option));
+        let argument = argument.with_context(|| format!("a bake has no option --{option} that a rule could set"))?;
+        let is_switch = matches!(argument.get_action(), ArgAction::SetTrue);
+        let is_known = |value: &String| !is_switch || value == "true" || value == "false";
+        ensure!(values.iter().all(is_known), "--{option} is `true` or `false`, not `{}`", values.join(" "));
+        words.extend(values.iter().filter_map(|value| word(argument, option, value)));
+    }
+    Ok(words)
 }
 
 /// Rejects an option that is given with another value than the plan's.

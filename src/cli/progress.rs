@@ -51,11 +51,9 @@ impl Progress {
     }
 }
 
-/// Shows how many runs are done, and an estimate of the time left; only on a terminal.
-#[cfg(feature = "lab")]
+/// Shows how many runs or assets are done, and an estimate of the time left; only on a terminal.
 pub(super) struct Counted(ProgressBar);
 
-#[cfg(feature = "lab")]
 impl Counted {
     pub(super) fn new(quiet: bool) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(0) };
@@ -63,11 +61,17 @@ impl Counted {
         Counted(bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())))
     }
 
+    /// Shows how many are done.
+    pub(super) fn set(&mut self, done: usize, of: usize, message: String) {
+        self.0.set_length(of as u64);
+        self.0.set_position(done as u64);
+        self.0.set_message(message);
+    }
+
     /// Shows the run that begins.
+    #[cfg(feature = "lab")]
     pub(super) fn enter(&mut self, step: &crate::lab::thesis::Step) {
-        self.0.set_length(step.of as u64);
-        self.0.set_position(step.done as u64);
-        self.0.set_message(step.name.clone());
+        self.set(step.done, step.of, step.name.clone());
     }
 
     /// Clears the line.

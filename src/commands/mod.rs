@@ -1,6 +1,8 @@
 //! The commands, independent of the command line.
 
 pub mod bake;
+#[cfg(feature = "cli")]
+pub mod batch;
 pub mod cached;
 pub mod calls;
 mod error;

@@ -1,5 +1,6 @@
 //! Reports: the data (this module), as JSON ([`json`]) and as text ([`text`]).
 
+pub mod batch;
 pub mod cached;
 pub mod candidates;
 mod choice;

@@ -24,7 +24,7 @@ fn bake_heaps(more: &[&str]) -> (crate::common::Ran, TempDir) {
 fn help_names_every_command_method_and_option() {
     let ran = raykiln(["--help"]);
     assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
-    for command in ["bake", "verify", "inspect", "render", "lab", "devices", "cache", "completions", "man"] {
+    for command in ["bake", "batch", "verify", "inspect", "render", "lab", "devices", "cache", "completions", "man"] {
         assert!(ran.stdout.contains(command), "{command}");
     }
     let ran = raykiln(["bake", "--help"]);

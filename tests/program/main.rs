@@ -7,6 +7,7 @@ mod copies;
 mod arrows;
 mod auto;
 mod bad_input;
+mod batch;
 mod cache;
 mod cli;
 mod dependencies;

@@ -4,6 +4,7 @@
 //! are its style and script, `assets/pane.min.js` is the 3D pane, made from `web/`. This module gathers what the template
 //! shows; all sentences are made here and in the other modules of the reports.
 
+mod batch;
 mod charts;
 mod headline;
 mod pictures;
@@ -19,6 +20,7 @@ use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, Output, State, Value, context, escape_formatter};
 use serde::Serialize;
 
+pub use self::batch::batch;
 use self::charts::Chart;
 use self::headline::Headline;
 pub use self::pictures::Drawn;
