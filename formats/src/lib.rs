@@ -34,6 +34,7 @@ pub mod edit;
 pub mod error;
 mod extension_names;
 mod gltf;
+mod kinds;
 mod meshopt;
 mod obj;
 mod outline;
@@ -44,9 +45,9 @@ pub mod unchecked;
 pub use contents::Contents;
 pub use document::Document;
 pub use error::{Error, ErrorKind, Warning};
-pub use outline::{Outline, outline};
+pub use outline::{Outline, outline, outline_with};
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
 
@@ -65,12 +66,75 @@ impl ReadOptions {
     }
 }
 
-/// Reads an OBJ (`.obj`), glTF (`.gltf`) or binary glTF (`.glb`) file, distinguished by content and extension.
+/// How to read an OBJ file. Without effect on glTF.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct ObjOptions {
+    /// Whether to refuse a file with damaged faces, texture coordinates or normals, which are otherwise left out with a
+    /// warning.
+    pub strict: bool,
+    /// Folders in which materials and textures are sought that are not beside the file.
+    pub search: Vec<PathBuf>,
+    /// Which normals to read or generate.
+    pub normals: ObjNormals,
+    /// Which surfaces are seen from both sides.
+    pub double_sided: DoubleSided,
+    /// The axis of the file that points up; glTF's is y.
+    pub z_up: bool,
+    /// Length of the file's unit in metres, above 0; `None` for 1 without a word.
+    pub unit: Option<f64>,
+}
+
+/// Normals of an OBJ file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ObjNormals {
+    /// Those of the file; faces of smoothing groups that lack normals get generated ones.
+    #[default]
+    Keep,
+    /// Generated for all faces: per smoothing group, flat outside of groups, smooth if the file has no groups.
+    Generate,
+    /// None.
+    None,
+}
+
+/// Surfaces of an OBJ file that are seen from both sides. OBJ has no notion of it, and most programs show both.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DoubleSided {
+    /// Materials of surfaces that are not closed.
+    #[default]
+    Auto,
+    /// All materials.
+    Always,
+    /// None.
+    Never,
+}
+
+impl ObjOptions {
+    /// The same options with these folders to search.
+    pub fn with_search(self, search: Vec<PathBuf>) -> Self {
+        ObjOptions { search, ..self }
+    }
+
+    /// The same options with `strict` set.
+    pub fn with_strict(self, strict: bool) -> Self {
+        ObjOptions { strict, ..self }
+    }
+}
+
+/// Reads an OBJ (`.obj`, also compressed as `.obj.gz`), glTF (`.gltf`) or binary glTF (`.glb`) file, distinguished by content and extension.
 ///
 /// # Errors
 /// Returns an [`Error`] that names the file, the place in it and the cause; never panics on any input.
 pub fn read(path: &Path) -> Result<Document, Error> {
-    if obj::is_obj(path) { obj::read(path) } else { gltf::read::read(path) }
+    read_with(path, &ObjOptions::default())
+}
+
+/// Like [`read`], with options for OBJ files.
+///
+/// # Errors
+/// See [`read`].
+pub fn read_with(path: &Path, options: &ObjOptions) -> Result<Document, Error> {
+    if obj::is_obj(path) { obj::read(path, options) } else { gltf::read::read(path) }
 }
 
 /// Reads the bytes of an OBJ, glTF or GLB file, distinguished by content and by the extension of `name`, which errors
@@ -80,6 +144,18 @@ pub fn read(path: &Path) -> Result<Document, Error> {
 /// # Errors
 /// See [`read`]; also fails for glTF that refers to another file.
 pub fn read_bytes(name: impl AsRef<Path>, bytes: impl Into<Bytes>) -> Result<Document, Error> {
+    read_bytes_with(name, bytes, &ObjOptions::default())
+}
+
+/// Like [`read_bytes`], with options for OBJ files.
+///
+/// # Errors
+/// See [`read_bytes`].
+pub fn read_bytes_with(
+    name: impl AsRef<Path>,
+    bytes: impl Into<Bytes>,
+    options: &ObjOptions,
+) -> Result<Document, Error> {
     let (name, bytes) = (name.as_ref(), bytes.into());
-    if obj::is_obj(name) { obj::read_bytes(name, bytes) } else { gltf::read::read_bytes(name, bytes) }
+    if obj::is_obj(name) { obj::read_bytes(name, bytes, options) } else { gltf::read::read_bytes(name, bytes) }
 }

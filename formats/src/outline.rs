@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::{Error, gltf, obj};
+use crate::{Error, ObjOptions, gltf, obj};
 
 /// The files of a scene, and how large it is.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -26,7 +26,15 @@ pub struct Outline {
 /// # Errors
 /// Fails if the scene's file cannot be read, or is not JSON.
 pub fn outline(path: &Path) -> Result<Outline, Error> {
-    let mut outline = if obj::is_obj(path) { obj::outline(path)? } else { gltf::outline::outline(path)? };
+    outline_with(path, &ObjOptions::default())
+}
+
+/// Like [`outline`], with options for OBJ files.
+///
+/// # Errors
+/// See [`outline`].
+pub fn outline_with(path: &Path, options: &ObjOptions) -> Result<Outline, Error> {
+    let mut outline = if obj::is_obj(path) { obj::outline(path, options)? } else { gltf::outline::outline(path)? };
     let mut seen = std::collections::BTreeSet::new();
     outline.files.retain(|file| seen.insert(file.clone()));
     let all = [path].into_iter().chain(outline.files.iter().map(PathBuf::as_path));

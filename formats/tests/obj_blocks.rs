@@ -44,7 +44,7 @@ fn objects_groups_and_materials_go_on_over_blocks() {
 }
 
 #[test]
-fn one_byte_of_latin_1_makes_all_blocks_latin_1() {
+fn one_byte_of_a_code_page_decides_for_all_blocks() {
     assert_same_when_long("g é\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n~g ".as_bytes());
     assert_same_when_long(b"g \xc3\xa9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n~g \xe9\nf 1 2 3\n");
 }

@@ -70,20 +70,26 @@ fn broken(text: &str, seed: &mut u64) -> Vec<u8> {
 fn unbroken_files_are_read() {
     let document = try_read(&[("scene.obj", OBJ.as_bytes()), ("scene.mtl", MTL.as_bytes())]).expect("sound files");
     check(&document);
-    assert_eq!(document.json["meshes"].as_array().map(Vec::len), Some(4));
+    assert_eq!(document.json["meshes"].as_array().map(Vec::len), Some(6), "four of faces, lines, a point");
 }
 
 #[test]
 fn broken_files_give_a_document_or_an_error() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (mut seed, mut read, mut refused) = (3, 0, 0);
-    for round in 0..4000 {
+    for round in 0..1200 {
         let (obj, mtl) = match round % 3 {
             0 => (broken(OBJ, &mut seed), MTL.as_bytes().to_vec()),
             1 => (OBJ.as_bytes().to_vec(), broken(MTL, &mut seed)),
             _ => (broken(OBJ, &mut seed), broken(MTL, &mut seed)),
         };
-        match try_read_in(folder.path(), &[("scene.obj", &obj), ("scene.mtl", &mtl)]) {
+        let strict = obj_support::write_and_read(folder.path(), &[("scene.obj", &obj), ("scene.mtl", &mtl)], true);
+        if let Ok(document) = try_read_in(folder.path(), &[]) {
+            check(&document);
+        } else {
+            assert!(strict.is_err(), "what a strict reader reads, any does");
+        }
+        match strict {
             Ok(document) => {
                 check(&document);
                 read += 1;
@@ -94,7 +100,7 @@ fn broken_files_give_a_document_or_an_error() {
             }
         }
     }
-    assert!(read > 1000 && refused > 300, "{read} read, {refused} refused");
+    assert!(read > 300 && refused > 90, "{read} read, {refused} refused");
 }
 
 #[test]

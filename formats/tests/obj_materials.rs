@@ -17,7 +17,8 @@ fn of(mtl: &str) -> Value {
 
 #[test]
 fn bare_material_is_rough_and_not_metallic() {
-    let bare = json!({"name": "m", "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}});
+    let pbr = json!({"metallicFactor": 0.0, "roughnessFactor": 1.0});
+    let bare = json!({"name": "m", "pbrMetallicRoughness": pbr, "doubleSided": true});
     assert_eq!(material("newmtl m\n"), bare);
 }
 
@@ -36,7 +37,6 @@ fn diffuse_color_and_opacity_make_the_base_color() {
 #[test]
 fn opacity_below_one_blends() {
     assert_eq!(of("d 0.5\n")["alphaMode"], "BLEND");
-    assert_eq!(of("Tr 1\n")["alphaMode"], "BLEND");
     assert!(of("d 1\nTr 0\n")["alphaMode"].is_null());
 }
 
@@ -47,11 +47,76 @@ fn alpha_map_masks() {
         (&same["alphaMode"], &same["alphaCutoff"], &same["extras"]),
         (&"MASK".into(), &Value::Null, &Value::Null)
     );
-    let other = textured("newmtl m\nmap_Kd leaf.png\nmap_d leaf_mask.png\n");
-    assert_eq!(other.json["materials"][0]["alphaMode"], "MASK");
-    assert_eq!(other.json["materials"][0]["extras"], json!({"mtl": {"map_d": "leaf_mask.png"}}));
-    assert!(warnings(&other).contains("`map_d` is another file than `map_Kd`"));
     assert_eq!(of("d 0.5\nmap_Kd leaf.png\nmap_d leaf.png\n")["alphaMode"], "BLEND");
+}
+
+#[test]
+fn libraries_that_would_hide_everything_mean_opaque() {
+    let opaque = textured("newmtl m\nTr 1.000000\nnewmtl n\nTr 0.5\n");
+    assert!(opaque.json["materials"][0]["alphaMode"].is_null());
+    assert!(warnings(&opaque).contains("`Tr` of this library is read as opacity"));
+    assert_eq!(
+        textured("newmtl n\nTr 1\nnewmtl m\nTr 0.25\n").json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"]
+            [3],
+        0.25
+    );
+    assert!(of("d 0\n")["alphaMode"].is_null());
+    assert_eq!(textured("newmtl m\nd 0\nnewmtl n\nd 1\n").json["materials"][0]["alphaMode"], "BLEND");
+    assert_eq!(of("d 0.5\nTr 1\n")["alphaMode"], "BLEND");
+}
+
+#[test]
+fn mirrors_are_metals_of_their_specular_color() {
+    for mtl in ["Kd 0 0 0\nKs .95 .95 .95\nNs 1000\nillum 5\n", "Kd 0.1\nKs 0.95\nNs 1000\nillum 3\n"] {
+        let expected =
+            json!({"baseColorFactor": [0.95, 0.95, 0.95, 1.0], "metallicFactor": 1.0, "roughnessFactor": 0.0});
+        assert_eq!(pbr(mtl), expected);
+    }
+    let chrome = pbr("Kd 0 0 0\nKs 0.8 0.7 0.6\nNs 30\nillum 2\n");
+    assert_eq!((&chrome["metallicFactor"], &chrome["baseColorFactor"][1]), (&1.0.into(), &0.7.into()));
+    assert_eq!(pbr("Kd 0.8\nKs 0.5\nKa 0.75\nNs 250\nillum 3\n")["metallicFactor"], 0.75);
+    assert_eq!(pbr("Kd 0 0 0\nKs 0 0 0\nillum 5\n")["metallicFactor"], 0.0);
+}
+
+#[test]
+fn colored_reflection_is_a_specular_extension() {
+    let specular = |mtl: &str| of(mtl)["extensions"]["KHR_materials_specular"].clone();
+    assert_eq!(specular("Ks 0.4 0.2 0\n"), json!({"specularFactor": 0.8, "specularColorFactor": [1.0, 0.5, 0.0]}));
+    assert_eq!(specular("Ks 0.25\n"), json!({"specularFactor": 0.5}));
+    assert_eq!((specular("Ks 0.5\n"), specular("Ks 0 0 0\n")), (Value::Null, Value::Null));
+}
+
+#[test]
+fn glass_transmits_its_filter() {
+    let glass = of("Kd 0.02\nKs 0.9\nTf 0.95 0.98 0.95\nNi 1.52\nNs 1000\nd 1\nillum 7\n");
+    assert_eq!(glass["extensions"]["KHR_materials_transmission"], json!({"transmissionFactor": 0.98}));
+    assert_eq!(glass["extensions"]["KHR_materials_ior"], json!({"ior": 1.52}));
+    assert!(glass["alphaMode"].is_null());
+    assert_eq!(glass["pbrMetallicRoughness"]["baseColorFactor"][1], 1.0);
+    assert_eq!(glass["pbrMetallicRoughness"]["roughnessFactor"], 0.0);
+    assert_eq!(of("d 0.25\nillum 4\n")["extensions"]["KHR_materials_transmission"]["transmissionFactor"], 0.75);
+    assert!(of("d 1\nTf 1 1 1\nillum 9\n")["extensions"].is_null());
+    assert!(of("d 1\nTf 0.5 0.5 0.5\nillum 2\n")["extensions"].is_null());
+}
+
+#[test]
+fn comments_behind_names_are_left_out_where_only_the_name_is_defined() {
+    let text = format!("usemtl red # front\n{TRIANGLE}usemtl mat #1\nf 1 2 3\nusemtl green\nf 1 2 3\n");
+    let document =
+        read_with_mtl(&text, "newmtl red\nKd 1 0 0\nnewmtl mat #1\nKd 0 0 1\nnewmtl green # leaf\nKd 0 1 0\n");
+    let names: Vec<_> = list(&document.json, "materials").iter().map(|material| &material["name"]).collect();
+    assert_eq!(names, ["red", "mat #1", "green"]);
+    assert_eq!(warnings(&document), "");
+}
+
+#[test]
+fn library_named_like_the_model_is_taken_for_a_missing_one() {
+    for statement in ["mtllib chair.mtl\n", ""] {
+        let obj = format!("{statement}usemtl m\n{TRIANGLE}");
+        let document = read_files(&[("scene.obj", obj.as_bytes()), ("scene.mtl", b"newmtl m\nKd 1 0 0\n")]);
+        assert!(document.json["materials"][0]["pbrMetallicRoughness"].is_object());
+        assert!(warnings(&document).contains("`scene.mtl`, named like the model, is taken"));
+    }
 }
 
 #[test]
@@ -121,7 +186,7 @@ fn malformed_values_are_kept_with_a_warning_and_harm_nothing_else() {
     assert_eq!(material["pbrMetallicRoughness"]["roughnessFactor"], 0.5);
     assert_eq!(material["extras"]["mtl"]["Ka"], "spectral a.rfl 1");
     assert_eq!(material["extras"]["mtl"]["Ns"], "high");
-    assert_eq!(document.warnings.len(), 8);
+    assert_eq!(document.warnings.len(), 8, "{}", warnings(&document));
     assert!(warnings(&document).starts_with("scene.mtl, line 2: `Kd` cannot be read: kept in extras only\n"));
 }
 
@@ -137,7 +202,7 @@ fn statements_outside_a_material_and_second_definitions_are_warnings() {
 #[test]
 fn undefined_material_is_a_default_one_of_its_name() {
     let document = read(&format!("mtllib none.mtl\nusemtl a b\n{TRIANGLE}"));
-    assert_eq!(document.json["materials"], json!([{"name": "a b"}]));
+    assert_eq!(document.json["materials"], json!([{"name": "a b", "doubleSided": true}]));
     let expected =
         "line 1: material library `none.mtl` not found\nmaterial `a b` is not defined: a default one takes its place\n";
     assert_eq!(warnings(&document), expected);

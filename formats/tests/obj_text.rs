@@ -2,7 +2,9 @@
 
 mod obj_support;
 
-use obj_support::{attribute, list, objects, read, read_bytes, refusal, triangle_count, triangles, try_read, warnings};
+use obj_support::{
+    attribute, list, objects, read, read_bytes, read_files, refusal, triangle_count, triangles, try_read, warnings,
+};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -44,6 +46,17 @@ fn line_ends_tabs_and_indents_do_not_matter() {
         TRIANGLE.replace("f 1 2 3", "fo 1// 2/ 3"),
         TRIANGLE.replace("v 1 0 0", "v 2 0 0 2"),
         TRIANGLE.replace("v 1 0 0", "v +1. .0 0e5"),
+        // A single line feed among carriage returns, and the other way round.
+        format!("# head\n{}", TRIANGLE.replace('\n', "\r")),
+        TRIANGLE.replacen('\n', "\r", 1),
+        TRIANGLE.to_uppercase(),
+        TRIANGLE.replace("1 2 3", "1\\\n2 3\\ \n"),
+        // A comma before another or at the end of a word only separates.
+        TRIANGLE.replace("v 1 0 0", "v 1,0,0"),
+        TRIANGLE.replace("v 1 0 0", "v 1, 0, 0"),
+        TRIANGLE.replace("v 1 0 0", "v 1,0 0,0 0,0e0"),
+        TRIANGLE.replace("v 1 0 0", "v 1.0D+00 0.d-1 0"),
+        TRIANGLE.replace("f 1 2 3", "f 1.0 +2 3.0"),
     ];
     for text in variants {
         let document = read(&text);
@@ -68,10 +81,10 @@ fn negative_indices_count_from_where_the_face_stands() {
 }
 
 #[test]
-fn latin_1_names_become_unicode_with_a_warning() {
+fn western_names_become_unicode_with_a_warning() {
     let document = read_bytes(b"g Terraind\xe6k\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     assert_eq!(objects(&document), ["Terraindæk"]);
-    assert!(warnings(&document).contains("Latin-1"));
+    assert!(warnings(&document).contains("windows-1252"));
 }
 
 #[test]
@@ -81,6 +94,58 @@ fn utf_16_with_a_byte_order_mark_is_read() {
     let little: Vec<u8> = [0xFF, 0xFE].into_iter().chain(units.iter().flat_map(|unit| unit.to_le_bytes())).collect();
     assert_eq!(triangle_count(&read_bytes(&big)), 1);
     assert_eq!(triangle_count(&read_bytes(&little)), 1);
+}
+
+#[test]
+fn utf_16_without_a_mark_is_told_by_its_zeros() {
+    let units: Vec<u16> = TRIANGLE.encode_utf16().collect();
+    let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+    let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+    assert_eq!(triangle_count(&read_bytes(&big)), 1);
+    assert_eq!(triangle_count(&read_bytes(&little)), 1);
+}
+
+#[test]
+fn code_pages_are_told_by_the_files_that_names_spell() {
+    let cases: [(&[u8], &str); 3] =
+        [(b"\xb5\xd8\xd0\xce", "地形"), (b"\x96\xd8\x96\xda", "木目"), (b"\xe4\xe5\xf0\xe5\xe2\xee", "дерево")];
+    for (bytes, name) in cases {
+        let obj = [b"mtllib ", bytes, b".mtl\nusemtl ", bytes, b"\n", TRIANGLE.as_bytes()].concat();
+        let mtl = [b"newmtl ", bytes, b"\nKd 1 0 0\n"].concat();
+        let document = read_files(&[("scene.obj", &obj), (&format!("{name}.mtl"), &mtl)]);
+        assert_eq!(document.json["materials"][0]["name"], name);
+        assert!(document.json["materials"][0]["pbrMetallicRoughness"].is_object(), "{name}");
+    }
+}
+
+#[test]
+fn names_may_end_in_a_backslash() {
+    let document = read("v 0 0 0\nv 1 0 0\nv 0 1 0\ng C:\\roof\\\nf 1 2 3\n");
+    assert_eq!(objects(&document), ["C:\\roof\\"]);
+}
+
+#[test]
+fn files_compressed_by_gzip_are_read() {
+    use std::io::Write;
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    packed.write_all(TRIANGLE.as_bytes()).expect("memory");
+    let packed = packed.finish().expect("memory");
+    let document = raykiln_formats::read_bytes("scene.obj.gz", packed).expect("sound");
+    assert_eq!(triangle_count(&document), 1);
+}
+
+#[test]
+fn files_of_other_formats_are_named() {
+    for (text, expected) in [
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:0f3c\nsize 48211093\n", "git lfs pull"),
+        ("<!DOCTYPE html>\n<html></html>\n", "HTML"),
+        ("ply\nformat ascii 1.0\n", "PLY"),
+        ("{\"asset\": {\"version\": \"2.0\"}}", "rename it to end in .gltf"),
+        ("this is no model\n", "no OBJ statement"),
+    ] {
+        let error = try_read(&[("scene.obj", text.as_bytes())]).expect_err("no OBJ");
+        assert!(error.to_string().contains(expected), "{error}");
+    }
 }
 
 #[test]
@@ -96,16 +161,12 @@ fn numbers_c_prints_for_nan_and_infinity_stay_in_the_data() {
 
 #[test]
 fn what_makes_no_surface_is_left_out_and_counted() {
-    let document =
-        read(&format!("{TRIANGLE}p 1 2\nl 1 2 3\nl 1 2 3 1\ns 1\ncurv 0 1 1 2\nbevel on\nvw 1 2\nf 1 2\nf\n"));
+    let document = read(&format!("{TRIANGLE}curv 0 1 1 2\nbevel on\nvw 1 2\nf 1 2\nf\n"));
     assert_eq!(triangle_count(&document), 1);
-    let expected = "line 5: points (p) left out\n\
-        line 6: lines (l) left out (2 in all)\n\
-        line 8: smoothing groups (s) ignored: normals are taken as the file has them\n\
-        line 9: free-form curves and surfaces left out\n\
-        line 10: display attributes ignored\n\
-        line 11: statements of unknown keyword ignored\n\
-        line 12: faces of fewer than three corners left out (2 in all)\n";
+    let expected = "line 5: free-form curves and surfaces left out\n\
+        line 6: display attributes ignored\n\
+        line 7: statements of unknown keyword ignored\n\
+        line 8: faces of fewer than three corners left out (2 in all)\n";
     assert_eq!(warnings(&document), expected);
 }
 

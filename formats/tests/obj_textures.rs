@@ -21,7 +21,7 @@ fn options_are_told_from_the_file_name() {
         "a b.png",
         "-s 1 1 1 a b.png",
         "-blendu on -blendv off -cc off -clamp off -texres 512 -type sphere -colorspace sRGB -boost 2 a b.png",
-        "-mm 0 1 -imfchan r -t 1 a b.png",
+        "-mm 0 1 -imfchan r -t 0 a b.png",
         "a b.png -bm 1.5",
         "a b.png -o 0 0 0 -s 1 1",
         "\"a b.png\"",
@@ -50,7 +50,7 @@ fn textures_are_sought_beside_the_library() {
         ("a.png", "lib/a.png", "lib/a.png"),
         ("../tex/a.png", "tex/a.png", "tex/a.png"),
         ("a.png", "a.png", "a.png"),
-        ("a.png", "other.png", "lib/a.png"),
+        ("D:\\jobs\\tex\\a.png", "lib/tex/a.png", "lib/tex/a.png"),
     ] {
         let mtl = format!("newmtl m\nmap_Kd {words}\n");
         let document = read_files(&[("scene.obj", obj.as_bytes()), ("lib/scene.mtl", mtl.as_bytes()), (file, PNG)]);
@@ -59,9 +59,147 @@ fn textures_are_sought_beside_the_library() {
 }
 
 #[test]
-fn missing_texture_is_a_warning_and_stays() {
-    let (uri, warnings) = uri("Gone.jpg", "other.png");
-    assert_eq!((uri, warnings.as_str()), ("Gone.jpg".into(), "texture `Gone.jpg` not found\n"));
+fn missing_texture_is_a_warning_and_is_not_referred_to() {
+    let document =
+        read_with_mtl(&format!("{}f 1/1 2/1 3/1\n", String::from_utf8_lossy(OBJ)), "newmtl m\nmap_Kd Gone.jpg\n");
+    assert!(document.json["images"].is_null() && document.json["textures"].is_null());
+    assert_eq!(document.json["materials"][0]["extras"], json!({"mtl": {"map_Kd": "Gone.jpg"}}));
+    assert_eq!(warnings(&document), "texture `Gone.jpg` not found: kept by name in extras only\n");
+}
+
+#[test]
+fn names_are_found_in_another_unicode_form_or_escaped() {
+    assert_eq!(uri("b\u{e9}ton.png", "be\u{301}ton.png").0, "be%CC%81ton.png");
+    assert_eq!(uri("dark%20wood.png", "dark wood.png").0, "dark%20wood.png");
+    assert_eq!(uri("wood.png # oak", "wood.png").0, "wood.png");
+    assert_eq!(uri("C:\\artist\\barn\\textures\\plank.png", "textures/plank.png").0, "textures/plank.png");
+    assert_eq!(uri("\\\\server\\share\\a\\b.png", "a/b.png").0, "a/b.png");
+}
+
+#[test]
+fn folders_to_search_come_last_and_files_outside_are_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for inside in ["scene", "more/tex"] {
+        std::fs::create_dir_all(folder.path().join(inside)).expect("a folder made");
+    }
+    std::fs::write(folder.path().join("more/tex/a.png"), PNG).expect("a file written");
+    std::fs::write(
+        folder.path().join("scene/scene.mtl"),
+        "newmtl m\nmap_Kd C:\\x\\tex\\a.png\nmap_Ke ../more/tex/a.png\n",
+    )
+    .expect("a file written");
+    std::fs::write(folder.path().join("scene/scene.obj"), OBJ).expect("a file written");
+    let path = folder.path().join("scene/scene.obj");
+    let alone = raykiln_formats::read(&path).expect("sound");
+    let expected = "texture `C:\\x\\tex\\a.png` not found: kept by name in extras only\n\
+        texture `../more/tex/a.png` read from outside the folder of the model\n";
+    assert_eq!(warnings(&alone), expected);
+    let options = raykiln_formats::ObjOptions::default().with_search(vec![folder.path().join("more")]);
+    let found = raykiln_formats::read_with(&path, &options).expect("sound");
+    assert_eq!(found.json["images"][0]["uri"], "../more/tex/a.png");
+}
+
+#[test]
+fn options_that_change_the_picture_are_named() {
+    let (found, warnings) = uri("-mm 0.1 0.9 -t 1 a.png", "a.png");
+    assert_eq!((found, warnings.as_str()), ("a.png".into(), "glTF cannot express `-mm`, `-t`: kept in extras only\n"));
+}
+
+#[test]
+fn tiles_of_udim_are_named() {
+    let (uri, warnings) = uri("skin.<UDIM>.png", "skin.1001.png");
+    assert!(uri.is_null() && warnings.contains("UDIM"), "{warnings}");
+}
+
+/// The colours of an image in the buffer.
+fn pixels(document: &raykiln_formats::Document, image: usize) -> Vec<[u8; 4]> {
+    let image = &document.json["images"][image];
+    assert_eq!(image["mimeType"], "image/png");
+    let view = &document.json["bufferViews"][image["bufferView"].as_u64().expect("a view") as usize];
+    let number = |key: &str| view[key].as_u64().expect("a number") as usize;
+    let bytes = &document.buffers[0][number("byteOffset")..][..number("byteLength")];
+    image::load_from_memory(bytes).expect("a PNG file").to_rgba8().pixels().map(|pixel| pixel.0).collect()
+}
+
+/// A PNG file of one row of grey pixels.
+fn grey(values: &[u8]) -> Vec<u8> {
+    encoded(image::GrayImage::from_raw(values.len() as u32, 1, values.to_vec()).expect("a row").into(), "png")
+}
+
+/// A file of an image.
+fn encoded(image: image::DynamicImage, extension: &str) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let format = image::ImageFormat::from_extension(extension).expect("a format");
+    image.write_to(&mut bytes, format).expect("memory");
+    bytes.into_inner()
+}
+
+#[test]
+fn images_of_other_formats_become_png() {
+    let row = image::RgbImage::from_raw(2, 1, vec![1, 2, 3, 250, 251, 252]).expect("a row");
+    for extension in ["tga", "bmp", "tiff"] {
+        let (name, file) = (format!("a.{extension}"), encoded(row.clone().into(), extension));
+        let mtl = format!("newmtl m\nmap_Kd {name}\nmap_Ke {name}\n");
+        let document = read_files(&[("scene.obj", OBJ), ("scene.mtl", mtl.as_bytes()), (&name, &file)]);
+        assert_eq!(pixels(&document, 0), [[1, 2, 3, 255], [250, 251, 252, 255]]);
+        assert_eq!(list(&document.json, "images").len(), 1);
+        assert_eq!(warnings(&document), "");
+    }
+}
+
+#[test]
+fn cut_outs_in_a_file_of_their_own_become_alpha() {
+    let color = encoded(image::RgbImage::from_raw(1, 1, vec![9, 8, 7]).expect("a pixel").into(), "png");
+    let (cut, soft) = (grey(&[0, 255]), grey(&[100, 150]));
+    let files: [(&str, &[u8]); 4] = [
+        ("scene.obj", OBJ),
+        ("c.png", &color),
+        ("d.png", &cut),
+        ("scene.mtl", b"newmtl m\nmap_Kd c.png\nmap_d d.png\n"),
+    ];
+    let document = read_files(&files);
+    assert_eq!(pixels(&document, 0), [[9, 8, 7, 0], [9, 8, 7, 255]]);
+    let material = &document.json["materials"][0];
+    assert_eq!((&material["alphaMode"], &material["extras"]), (&"MASK".into(), &Value::Null));
+    let files: [(&str, &[u8]); 3] = [("scene.obj", OBJ), ("d.png", &soft), ("scene.mtl", b"newmtl m\nmap_d d.png\n")];
+    let document = read_files(&files);
+    assert_eq!(pixels(&document, 0), [[255, 255, 255, 100], [255, 255, 255, 150]]);
+    assert_eq!(document.json["materials"][0]["alphaMode"], "BLEND");
+}
+
+#[test]
+fn roughness_and_metalness_maps_are_packed() {
+    let (rough, metal) = (grey(&[10, 20]), grey(&[200]));
+    let of = |mtl: &str| {
+        let mtl = format!("newmtl m\n{mtl}");
+        let files: [(&str, &[u8]); 4] =
+            [("scene.obj", OBJ), ("r.png", &rough), ("m.png", &metal), ("scene.mtl", mtl.as_bytes())];
+        let document = read_files(&files);
+        (pixels(&document, 0), document.json["materials"][0].clone())
+    };
+    let (both, material) = of("Pr 1\nPm 1\nmap_Pr r.png\nmap_Pm m.png\n");
+    assert_eq!(both, [[255, 10, 200, 255], [255, 20, 200, 255]]);
+    assert_eq!(material["pbrMetallicRoughness"]["roughnessFactor"], 1.0);
+    assert_eq!(material["pbrMetallicRoughness"]["metallicFactor"], 1.0);
+    assert!(material["extras"].is_null());
+    let (metal_only, material) = of("Pr 0.5\nmap_Pm m.png\n");
+    assert_eq!(metal_only, [[255, 255, 200, 255]]);
+    assert_eq!(material["pbrMetallicRoughness"]["roughnessFactor"], 0.5);
+    assert_eq!(of("map_Pr r.png\nPm 0.25\n").1["pbrMetallicRoughness"]["metallicFactor"], 0.25);
+    let (shiny, material) = of("Ns 100\nmap_Ns m.png\n");
+    assert!(shiny[0][1] > 70 && shiny[0][1] < 120, "{shiny:?}");
+    assert_eq!(material["pbrMetallicRoughness"]["metallicFactor"], 0.0);
+}
+
+#[test]
+fn bump_map_with_the_colours_of_normals_is_a_normal_map() {
+    let normals = encoded(image::RgbImage::from_raw(1, 1, vec![128, 128, 255]).expect("a pixel").into(), "png");
+    for key in ["map_Bump", "map_bump", "bump"] {
+        let mtl = format!("newmtl m\n{key} -bm 0.8 n.png\n");
+        let document = read_files(&[("scene.obj", OBJ), ("n.png", &normals), ("scene.mtl", mtl.as_bytes())]);
+        assert_eq!(document.json["materials"][0]["normalTexture"], json!({"index": 0, "scale": 0.8}));
+        assert_eq!(warnings(&document), "");
+    }
 }
 
 #[test]
@@ -109,6 +247,7 @@ fn normal_map_has_a_scale_and_bump_map_is_no_normal_map() {
     let material = &document.json["materials"][0];
     assert_eq!(material["normalTexture"], json!({"index": 0, "scale": 3.0}));
     assert_eq!(material["extras"], json!({"mtl": {"map_Bump": "b.png"}}));
+    assert_eq!(warnings(&document), "glTF cannot express `map_Bump`: kept in extras only\n");
     assert!(textured("newmtl m\nmap_Kn n.png\n").json["materials"][0]["normalTexture"].is_object());
 }
 
@@ -123,11 +262,6 @@ fn roughness_and_metalness_maps_are_taken_where_one_image_serves() {
     let rough = of("map_Pr r.png\n");
     assert_eq!(rough["pbrMetallicRoughness"]["metallicFactor"], 0.0);
     assert!(rough["pbrMetallicRoughness"]["metallicRoughnessTexture"].is_object());
-    for mtl in ["map_Pr r.png\nmap_Pm m.png\n", "map_Pm m.png\n", "map_Pr r.png\nPm 1\n"] {
-        let apart = of(mtl);
-        assert!(apart["pbrMetallicRoughness"]["metallicRoughnessTexture"].is_null(), "{mtl}");
-        assert!(apart["extras"]["mtl"].is_object(), "{mtl}");
-    }
 }
 
 #[test]
@@ -141,7 +275,8 @@ fn color_that_would_hide_its_map_is_white() {
 fn faces_without_texture_coordinates_get_the_material_without_textures() {
     let mtl = "newmtl m\nKd 0.5 0.5 0.5\nmap_Kd a.png\nmap_d a.png\nnewmtl plain\n";
     let faces = "usemtl m\nf 1 2 3\nf 1/1 2/1 3/1\nusemtl plain\nf 1 2 3\nf 1/1 2/1 3/1\n";
-    let document = read_with_mtl(&format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n{faces}"), mtl);
+    let obj = format!("mtllib scene.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n{faces}");
+    let document = read_files(&[("scene.obj", obj.as_bytes()), ("scene.mtl", mtl.as_bytes()), ("a.png", PNG)]);
     let of = |mesh: usize, at: usize| primitive(&document, mesh, at)["material"].as_u64();
     assert_eq!([of(0, 0), of(0, 1), of(1, 0), of(1, 1)], [Some(0), Some(1), Some(2), Some(2)]);
     let materials = list(&document.json, "materials");

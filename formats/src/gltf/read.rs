@@ -12,7 +12,7 @@ use super::json::At;
 use super::uri::{self, Uri};
 use super::{binary, compressed, extensions};
 use crate::document::{Kind, Residuals};
-use crate::{Document, Error, ErrorKind, Warning};
+use crate::{Document, Error, ErrorKind, Warning, kinds};
 
 /// Reads a glTF or GLB file, distinguished by its first bytes.
 pub(crate) fn read(path: &Path) -> Result<Document, Error> {
@@ -54,6 +54,9 @@ fn open(path: &Path, file: &Bytes) -> Result<Opened, Error> {
     }
     if file.is_empty() {
         return Err(Error::whole(path, "the file is empty"));
+    }
+    if let Some(other) = kinds::other(&file[..file.len().min(kinds::START)], file.len() as u64) {
+        return Err(Error::whole(path, other));
     }
     if path.extension().and_then(OsStr::to_str).is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
         return Err(Error::whole(path, "wrong magic: a GLB file starts with the bytes \"glTF\""));

@@ -7,9 +7,10 @@ use serde_json::{Map, Value, json};
 use super::material::Materials;
 use super::mesh::{self, Made, Primitive};
 use super::notes::Notes;
-use super::scan::Scan;
+use super::scan::{Kind, Part, Scan};
 use super::shift;
 use super::streams::{Sizes, Stream, Streams};
+use super::texture::Textures;
 use crate::document::Residuals;
 use crate::extension_names::KHR_TEXTURE_TRANSFORM;
 
@@ -23,20 +24,49 @@ pub(super) struct Assembled {
     pub(super) residuals: Residuals,
 }
 
+/// Axes and unit of the file.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    /// Whether z points up instead of y.
+    pub(super) z_up: bool,
+    /// In metres.
+    pub(super) unit: f64,
+}
+
+impl Frame {
+    /// The matrix from coordinates of the file to those of glTF, by columns; `None` if they are the same.
+    fn matrix(self) -> Option<Value> {
+        let Frame { z_up, unit } = self;
+        let matrix = match z_up {
+            // x stays, z becomes y, y becomes -z.
+            true => [[unit, 0.0, 0.0, 0.0], [0.0, 0.0, -unit, 0.0], [0.0, unit, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+            false => [[unit, 0.0, 0.0, 0.0], [0.0, unit, 0.0, 0.0], [0.0, 0.0, unit, 0.0], [0.0, 0.0, 0.0, 1.0]],
+        };
+        (z_up || unit != 1.0).then(|| matrix.concat().into())
+    }
+}
+
 /// Assembles the document; `models` are the meshes of the scan's parts.
-pub(super) fn assemble(scan: &Scan, models: Vec<tobj::Mesh>, mut materials: Materials, notes: &mut Notes) -> Assembled {
+pub(super) fn assemble(
+    scan: &Scan,
+    models: Vec<tobj::Mesh>,
+    frame: Frame,
+    mut materials: Materials,
+    notes: &mut Notes,
+) -> Assembled {
     let shifts = shift::shifts(&models);
-    let convert = |(model, &shift): (tobj::Mesh, &DVec3)| mesh::primitives(&model, shift, scan.full_color);
-    let made: Vec<Made> = models.into_par_iter().zip(&shifts).map(convert).collect();
+    let convert = |((model, part), &shift): ((tobj::Mesh, &Part), &DVec3)| match part.kind {
+        Kind::Faces => mesh::primitives(&model, shift, scan.full_color),
+        kind => mesh::strokes(kind, &model, shift, scan.full_color),
+    };
+    let mut made: Vec<Made> = models.into_par_iter().zip(&scan.parts).zip(&shifts).map(convert).collect();
+    let materials_of = assign(scan, &mut made, &mut materials, notes);
     let mut residuals = Residuals::default();
     let mut streams = Streams::new(&sizes(&made));
     let mut meshes: Vec<Value> = Vec::with_capacity(made.len());
-    for (part, made) in scan.parts.iter().zip(made) {
-        made.note(notes);
-        let name = part.material.map(|material| scan.materials.get(material));
+    for (made, materials) in made.into_iter().zip(materials_of) {
         let mut primitives = Vec::with_capacity(made.primitives.len());
-        for made in made.primitives {
-            let material = name.and_then(|name| materials.index(name, !made.texcoords.is_empty(), notes));
+        for (made, material) in made.primitives.into_iter().zip(materials) {
             let (json, positions) = primitive(&made, material, &mut streams);
             primitives.push(json);
             residuals.insert(positions, made.residuals);
@@ -44,9 +74,15 @@ pub(super) fn assemble(scan: &Scan, models: Vec<tobj::Mesh>, mut materials: Mate
         meshes.push(json!({"primitives": primitives}));
     }
     let mut tree = Tree { scan, shifts: &shifts, nodes: Vec::new(), meshes: &mut meshes };
-    let roots = tree.roots();
-    let nodes = tree.nodes;
-    let (accessors, views, buffer) = streams.finish();
+    let mut roots = tree.roots();
+    let mut nodes = tree.nodes;
+    if let Some(matrix) = frame.matrix().filter(|_| !roots.is_empty()) {
+        nodes.push(json!({"name": "axes and unit", "matrix": matrix, "children": roots}));
+        roots = vec![nodes.len() - 1];
+    }
+    let (accessors, mut views, mut buffer) = streams.finish();
+    materials.note_unsaid(notes);
+    embed(&mut materials.textures, &mut views, &mut buffer);
 
     let mut root = Map::new();
     root.insert("asset".to_owned(), json!({"version": "2.0", "generator": "raykiln"}));
@@ -65,6 +101,39 @@ pub(super) fn assemble(scan: &Scan, models: Vec<tobj::Mesh>, mut materials: Mate
         root.insert("buffers".to_owned(), json!([{"byteLength": buffer.len()}]));
     }
     Assembled { json: root.into(), buffer, residuals }
+}
+
+/// Appends the images that are no files to the buffer.
+fn embed(textures: &mut Textures, views: &mut Vec<Value>, buffer: &mut Vec<u8>) {
+    for image in &mut textures.images.values {
+        let Some(index) = image["bufferView"].as_u64() else { continue };
+        let bytes = std::mem::take(&mut textures.embedded[index as usize]);
+        buffer.resize(buffer.len().next_multiple_of(4), 0);
+        image["bufferView"] = views.len().into();
+        views.push(json!({"buffer": 0, "byteOffset": buffer.len(), "byteLength": bytes.len()}));
+        buffer.extend(bytes);
+    }
+}
+
+/// Returns the material of each primitive of each part. Removes vertex colours where a texture gives the colour, which
+/// glTF would multiply.
+fn assign(scan: &Scan, made: &mut [Made], materials: &mut Materials, notes: &mut Notes) -> Vec<Vec<Option<usize>>> {
+    let mut out = Vec::with_capacity(made.len());
+    for (part, made) in scan.parts.iter().zip(made) {
+        made.note(notes);
+        let name = part.material.map(|material| scan.materials.get(material));
+        let mut indices = Vec::with_capacity(made.primitives.len());
+        for primitive in &mut made.primitives {
+            let material = name.and_then(|name| materials.index(name, !primitive.texcoords.is_empty(), notes));
+            if !primitive.colors.is_empty() && material.is_some_and(|material| materials.has_color_texture(material)) {
+                primitive.colors = Vec::new();
+                notes.add(String::new, "vertex colours under a texture left out: glTF would multiply both");
+            }
+            indices.push(material);
+        }
+        out.push(indices);
+    }
+    out
 }
 
 fn extensions(materials: &Materials) -> Vec<Value> {
@@ -120,6 +189,11 @@ fn primitive(primitive: &Primitive, material: Option<usize>, streams: &mut Strea
     if let Some(material) = material {
         out["material"] = material.into();
     }
+    match primitive.kind {
+        Kind::Faces => {}
+        Kind::Lines => out["mode"] = 1.into(),
+        Kind::Points => out["mode"] = 0.into(),
+    }
     (out, positions)
 }
 
@@ -140,7 +214,7 @@ impl Tree<'_> {
         let mut roots = Vec::new();
         for (object, parts) in grouped(parts, |&part| self.scan.parts[part].object) {
             let groups = grouped(parts, |&part| self.scan.parts[part].group);
-            let name = object.map(|object| self.scan.objects.get(object).to_owned());
+            let name = object.map(|object| self.scan.objects[object].clone());
             match name {
                 Some(name) if !self.is_one_group(&name, &groups) => roots.push(self.object(name, groups)),
                 name => {

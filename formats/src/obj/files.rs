@@ -1,10 +1,15 @@
 //! Finds files that OBJ and MTL refer to, which may come from other systems, with other folders or letter case.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+use encoding_rs::Encoding;
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
+use unicode_normalization::UnicodeNormalization;
+
+use super::encoding::CODE_PAGES;
 
 /// Characters that a path segment of a URI need not escape (RFC 3986, 2.3).
 const SEGMENT: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~');
@@ -14,32 +19,56 @@ const SEGMENT: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'
 pub(super) struct Files {
     /// The folder of the OBJ file.
     pub(super) folder: PathBuf,
+    /// The name of the OBJ file without its extension.
+    pub(super) model: String,
+    /// The code page of the scene's texts, if they are not UTF-8.
+    pub(super) encoding: Option<&'static Encoding>,
     /// Whether there are files at all: not beside an OBJ file in memory.
     exist: bool,
+    /// Folders to look in after those of the scene.
+    search: Vec<PathBuf>,
     listings: HashMap<PathBuf, Vec<OsString>>,
 }
 
 impl Files {
-    /// Creates the state for files next to `path`.
-    pub(super) fn beside(path: &Path) -> Self {
+    /// Creates the state for files next to `path`, and in the folders `search`.
+    pub(super) fn beside(path: &Path, model: &OsStr, search: &[PathBuf]) -> Self {
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-        Files { folder, exist: true, listings: HashMap::new() }
+        let model = model.to_string_lossy().into_owned();
+        Files { folder, model, encoding: None, exist: true, search: search.to_vec(), listings: HashMap::new() }
     }
 
     /// No files.
     pub(super) fn none() -> Self {
-        Files { folder: PathBuf::new(), exist: false, listings: HashMap::new() }
+        let (folder, model) = (PathBuf::new(), String::new());
+        Files { folder, model, encoding: None, exist: false, search: Vec::new(), listings: HashMap::new() }
     }
 
-    /// Finds the file that `written` refers to, relative to `base` (the folder of the file that contains it): as
-    /// written, in another case, or else a file with its last name in `base` or next to the OBJ file.
+    /// Finds the file that `written` refers to, relative to `base` (the folder of the file that contains it): the
+    /// longest end of the path for which there is a file in `base`, next to the OBJ file or in a folder to search. A
+    /// comment behind the name and escapes of URIs are left out if there is no such file otherwise.
     pub(super) fn find(&mut self, base: &Path, written: &str) -> Option<PathBuf> {
-        let written = normalised(written);
-        let last = written.rsplit('/').next().unwrap_or_default();
-        let beside = self.folder.clone();
-        [(base, written.as_str()), (&beside, &written), (base, last), (&beside, last)]
+        let plain = normalised(written);
+        let without_comment = without_comment(written).map(normalised);
+        let decoded = percent_decode_str(&plain).decode_utf8().ok().map(Cow::into_owned).filter(|name| *name != plain);
+        let names = [Some(plain), without_comment, decoded];
+        names.into_iter().flatten().find_map(|name| self.find_end(base, &name))
+    }
+
+    fn find_end(&mut self, base: &Path, name: &str) -> Option<PathBuf> {
+        let bases: Vec<PathBuf> = [base, &self.folder]
             .into_iter()
-            .find_map(|(base, name)| self.find_exactly(base, name))
+            .chain(self.search.iter().map(PathBuf::as_path))
+            .map(Path::to_owned)
+            .collect();
+        let starts = std::iter::once(0).chain(name.match_indices('/').map(|(at, _)| at + 1));
+        for start in starts.take(MOST_FOLDERS) {
+            let found = bases.iter().find_map(|base| self.find_exactly(base, &name[start..]));
+            if found.is_some() {
+                return found;
+            }
+        }
+        None
     }
 
     /// Like [`Files::find`], but only in `base` and with all folders as written.
@@ -59,15 +88,33 @@ impl Files {
         path.is_file().then_some(path)
     }
 
+    /// Enters a folder or names a file in it: as written, or else in another case, Unicode form or encoding.
     fn step(&mut self, folder: PathBuf, component: Component<'_>) -> Option<PathBuf> {
         let direct = folder.join(component);
         if !matches!(component, Component::Normal(_)) || direct.exists() {
             return Some(direct);
         }
-        let wanted = component.as_os_str().to_string_lossy().to_lowercase();
-        let same = |name: &&OsString| name.to_string_lossy().to_lowercase() == wanted;
-        let found = self.listing(&folder).iter().find(same)?;
+        let wanted = likeness(&component.as_os_str().to_string_lossy());
+        let encoding = self.encoding;
+        let found = self.listing(&folder).iter().find(|name| spells(name, &wanted, encoding))?;
         Some(folder.join(found))
+    }
+
+    /// Returns the library that is named like the model, if there is one.
+    pub(super) fn namesake(&mut self) -> Option<PathBuf> {
+        self.find_exactly(&self.folder.clone(), &format!("{}.mtl", self.model))
+    }
+
+    /// Whether a file lies outside the folder of the OBJ file and those to search.
+    pub(super) fn is_outside(&self, file: &Path) -> bool {
+        let is_searched = |folder: &PathBuf| file.strip_prefix(folder).is_ok_and(|inside| !climbs(inside));
+        if self.search.iter().any(is_searched) {
+            return false;
+        }
+        match file.strip_prefix(&self.folder) {
+            Ok(inside) => file.is_absolute() && !self.folder.is_absolute() || climbs(inside),
+            Err(_) => true,
+        }
     }
 
     /// Returns the names in a folder, sorted so that a choice among several does not depend on the file system.
@@ -89,14 +136,47 @@ impl Files {
         };
         parts.iter().map(|part| escaped(part)).collect::<Vec<_>>().join("/")
     }
+}
 
-    /// Returns the URI of a missing file: as written in a file of folder `base`, without a drive or root.
-    pub(super) fn uri_as_written(&self, base: &Path, written: &str) -> String {
-        let written = normalised(written);
-        let absolute = written.starts_with('/') || written.as_bytes().get(1) == Some(&b':');
-        let name = if absolute { written.rsplit('/').next().unwrap_or_default() } else { &written };
-        self.uri(&base.join(name))
+/// Number of folders of a path that may be left out.
+const MOST_FOLDERS: usize = 64;
+
+/// Whether a relative path leaves the folder it starts from.
+fn climbs(path: &Path) -> bool {
+    let mut depth = 0i64;
+    path.components().any(|component| {
+        depth += match component {
+            Component::ParentDir => -1,
+            Component::Normal(_) => 1,
+            _ => 0,
+        };
+        depth < 0
+    })
+}
+
+/// Returns a name in the form in which names are compared: composed, in lower case.
+fn likeness(name: &str) -> String {
+    name.nfc().collect::<String>().to_lowercase().nfc().collect()
+}
+
+/// Whether the name of a file, as its bytes are, is the wanted one. Names that are not UTF-8 are in the code page of the
+/// scene, or else in any.
+fn spells(name: &OsStr, wanted: &str, encoding: Option<&'static Encoding>) -> bool {
+    if let Some(name) = name.to_str() {
+        return likeness(name) == wanted;
     }
+    let bytes = name.as_encoded_bytes();
+    let mut pages = encoding.into_iter().chain(CODE_PAGES.into_iter().filter(|_| encoding.is_none()));
+    pages.any(|page| {
+        let name = page.decode_without_bom_handling_and_without_replacement(bytes);
+        name.is_some_and(|name| likeness(&name) == wanted)
+    })
+}
+
+/// Returns what precedes a comment behind a name.
+pub(super) fn without_comment(name: &str) -> Option<&str> {
+    let (at, _) = name.match_indices('#').find(|(at, _)| name[..*at].ends_with(char::is_whitespace))?;
+    Some(name[..at].trim_end()).filter(|name| !name.is_empty())
 }
 
 /// Returns a path with forward slashes and without enclosing quotes or a leading `./`.

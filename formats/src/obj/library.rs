@@ -6,8 +6,10 @@ use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use super::files::Files;
+use super::encoding;
+use super::files::{Files, without_comment};
 use super::notes::Notes;
+use super::scan::Names;
 use super::text::{self, place, words};
 
 /// A material as defined in an MTL file.
@@ -19,6 +21,27 @@ pub(super) struct Definition {
     pub(super) statements: Vec<(String, String)>,
     /// The folder of the MTL file.
     pub(super) folder: PathBuf,
+    /// What the library means by `d` and `Tr`.
+    pub(super) opacity: Opacity,
+}
+
+/// What a library means by `d` and `Tr`. Exporters disagree on `Tr`, and some write `d 0` for opaque; a library of which
+/// nothing could be seen is never meant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Opacity {
+    /// Whether `Tr` is opacity: one of the materials has `Tr 1` and no `d`.
+    pub(super) tr_is_opacity: bool,
+    /// Whether `d` is to be ignored: all materials have `d 0`.
+    pub(super) d_is_ignored: bool,
+}
+
+impl Opacity {
+    fn of(materials: &[tobj::Material]) -> Opacity {
+        let tr = |material: &tobj::Material| material.unknown_param.get("Tr")?.parse::<f32>().ok();
+        let tr_is_opacity = materials.iter().any(|m| m.dissolve.is_none() && tr(m) == Some(1.0));
+        let d_is_ignored = !materials.is_empty() && materials.iter().all(|m| m.dissolve == Some(0.0));
+        Opacity { tr_is_opacity, d_is_ignored }
+    }
 }
 
 /// The materials of all MTL files of an OBJ file, by name. If a name is defined more than once, the first definition is
@@ -26,44 +49,76 @@ pub(super) struct Definition {
 #[derive(Debug, Default)]
 pub(super) struct Libraries {
     definitions: HashMap<String, Definition>,
+    /// Names that are defined with a comment behind them, by the name without it.
+    commented: HashMap<String, String>,
 }
 
 impl Libraries {
-    /// Loads the MTL files that the statements (line and rest of line) refer to, each once.
-    pub(super) fn load(statements: &[(usize, String)], files: &mut Files, notes: &mut Notes) -> Self {
+    /// Loads the MTL files that the statements (line and rest of line) refer to, each once. If a library is missing or
+    /// none is named, and one of the materials `used` is not defined, the library named like the model is taken.
+    pub(super) fn load(statements: &[(usize, String)], used: &Names, files: &mut Files, notes: &mut Notes) -> Self {
         let mut out = Libraries::default();
         let mut loaded = HashSet::new();
+        let mut missing = false;
         for (line, written) in statements {
-            for file in library_files(written, *line, files, notes) {
+            let found = library_files(written, *line, files, notes);
+            missing |= found.is_empty();
+            for file in found {
                 if loaded.insert(file.clone()) {
-                    out.add(&file, notes);
+                    out.add(&file, files, notes);
                 }
             }
+        }
+        let undefined = used.iter().any(|name| !name.is_empty() && out.get(name).is_none());
+        if undefined && (missing || statements.is_empty()) {
+            out.add_namesake(files, notes, |file| loaded.insert(file.to_owned()));
         }
         out
     }
 
-    /// Returns the definition with the given name.
-    pub(super) fn get(&self, name: &str) -> Option<&Definition> {
-        self.definitions.get(name)
+    /// Loads the library that is named like the model, if it is new.
+    fn add_namesake(&mut self, files: &mut Files, notes: &mut Notes, is_new: impl FnOnce(&Path) -> bool) {
+        if let Some(file) = files.namesake().filter(|file| is_new(file)) {
+            let name = file.file_name().unwrap_or_default().to_string_lossy();
+            notes.add(String::new, &format!("material library `{name}`, named like the model, is taken"));
+            self.add(&file, files, notes);
+        }
     }
 
-    fn add(&mut self, file: &Path, notes: &mut Notes) {
+    /// Returns the definition with the given name, and that name; a comment behind it is left out if the whole is not
+    /// defined.
+    pub(super) fn get<'n>(&self, name: &'n str) -> Option<(&'n str, &Definition)> {
+        let commented = |name: &str| self.commented.get(name).and_then(|whole| self.definitions.get(whole));
+        let exact = |name: &str| self.definitions.get(name).or_else(|| commented(name));
+        let of = |name: &'n str| exact(name).map(|definition| (name, definition));
+        of(name).or_else(|| of(without_comment(name)?))
+    }
+
+    fn add(&mut self, file: &Path, files: &mut Files, notes: &mut Notes) {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let bytes = match std::fs::read(file) {
             Ok(bytes) => bytes,
             Err(cause) => return notes.add(|| name, &format!("material library cannot be read: {cause}")),
         };
-        let text = text::decode(vec![bytes], notes).concat();
+        if files.is_outside(file) {
+            notes.add(|| name.clone(), "material library read from outside the folder of the model");
+        }
+        let folder = file.parent().unwrap_or(Path::new("")).to_owned();
+        let text = text(bytes, &folder, files, notes);
         let checked = Checked::of(&text, &name, notes);
         // Every statement has been checked; if an error still occurs, only this library is left out.
         let Ok((materials, _)) = tobj::load_mtl_buf(&mut checked.text.as_bytes()) else {
             return notes.add(|| name, "material library cannot be read");
         };
-        let folder = file.parent().unwrap_or(Path::new("")).to_owned();
+        let opacity = Opacity::of(&materials);
         for (values, (written, statements)) in materials.into_iter().zip(checked.materials) {
+            if let Some(name) = without_comment(&written) {
+                self.commented.entry(name.to_owned()).or_insert_with(|| written.clone());
+            }
             match self.definitions.entry(written) {
-                Entry::Vacant(free) => drop(free.insert(Definition { values, statements, folder: folder.clone() })),
+                Entry::Vacant(free) => {
+                    drop(free.insert(Definition { values, statements, folder: folder.clone(), opacity }))
+                }
                 Entry::Occupied(first) => {
                     let message = format!("material `{}` defined again: the first definition counts", first.key());
                     notes.add(|| name.clone(), &message);
@@ -71,6 +126,17 @@ impl Libraries {
             }
         }
     }
+}
+
+/// Returns the text of a library in a folder; the first that is not UTF-8 decides the code page of the scene.
+pub(super) fn text(bytes: Vec<u8>, folder: &Path, files: &mut Files, notes: &mut Notes) -> String {
+    let code_page = |blocks: &[Vec<u8>]| {
+        let texts: Vec<&[u8]> = blocks.iter().map(Vec::as_slice).collect();
+        let found = files.encoding.unwrap_or_else(|| encoding::of_texts(&texts, folder, files));
+        files.encoding = Some(found);
+        found
+    };
+    text::decode(vec![bytes], code_page, notes).concat()
 }
 
 /// Returns the files of an `mtllib` statement: all its words as one name if such a file exists, otherwise as few names
@@ -81,6 +147,7 @@ pub(super) fn library_files(written: &str, line: usize, files: &mut Files, notes
     if let Some(file) = files.find(&folder, written) {
         return vec![file];
     }
+    let written = without_comment(written).unwrap_or(written);
     let unescaped = written.replace("\\ ", "\u{0}");
     let names: Vec<String> = unescaped.split_whitespace().map(|word| word.replace('\u{0}', " ")).collect();
     let (mut out, mut start) = (Vec::new(), 0);
@@ -117,7 +184,7 @@ impl Checked {
         for line in text::lines(text) {
             let at = || format!("{file}, {}", place(line.number));
             let (key, rest) = line.text();
-            if key == "newmtl" {
+            if key.eq_ignore_ascii_case("newmtl") {
                 let _ = writeln!(out.text, "newmtl {}", out.materials.len());
                 out.materials.push((rest.to_owned(), Vec::new()));
                 continue;

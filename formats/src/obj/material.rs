@@ -3,30 +3,35 @@
 //! | MTL | glTF |
 //! | --- | --- |
 //! | `Kd` | `baseColorFactor`, clamped to 0..1; 1 if it is zero under a `map_Kd`, which would be invisible |
-//! | `d`, else 1 - `Tr` | its alpha; `alphaMode` BLEND below 1 |
-//! | `map_Kd` | `baseColorTexture` |
-//! | `map_d` | `alphaMode` MASK, unless `d` blends; uses its alpha only if it names the file of `map_Kd` |
+//! | `d`, else 1 - `Tr` | its alpha; `alphaMode` BLEND below 1. `Tr 1` alone hides all: such a library means opacity |
+//! | `map_Kd` | `baseColorTexture`; TGA, BMP, TIFF and DDS become PNG |
+//! | `map_d` | the alpha of `baseColorTexture`, merged if it is another file; `alphaMode` MASK, BLEND if it is soft |
+//! | `Ks` | base colour of a metal if `illum` is 3 or 5 or `Kd` is black, else `KHR_materials_specular` |
+//! | `illum` 4, 6, 7, 9 with `Tf`, `d` or `Ni` | `KHR_materials_transmission`, see [`Look::glass`] |
 //! | `Ke`, `map_Ke` | `emissiveFactor`, `emissiveTexture`; above 1 `KHR_materials_emissive_strength` |
 //! | `Pr`, else `Ns` | `roughnessFactor`, see [`roughness`] |
 //! | `Pm` | `metallicFactor`, else 0 |
-//! | `map_Pr`, `map_Pm` | `metallicRoughnessTexture` if one image can serve, see [`Conversion::roughness_maps`] |
-//! | `norm`, `map_Kn` | `normalTexture` (`-bm`: its scale); `bump` is a height and stays in extras |
+//! | `map_Pr`, else `map_Ns`; `map_Pm` | `metallicRoughnessTexture`, packed if one image cannot serve |
+//! | `norm`, `map_Kn` | `normalTexture` (`-bm`: its scale), also `bump` if it has the colours of one |
 //! | `Ni` above 1 | `KHR_materials_ior` |
 //! | `Pc`, `Pcr`; `Ps`; `aniso`, `anisor` | `KHR_materials_clearcoat`; `_sheen`; `_anisotropy` |
 //!
 //! What glTF cannot express stays as written in `extras.mtl`, keyed by keyword.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
 use super::files::Files;
 use super::library::{Definition, Libraries};
 use super::notes::Notes;
-use super::texture::{Statement, Textures};
+use super::picture::{self, Channel, Grey};
+use super::text::words;
+use super::texture::{self, Statement, Textures};
 use crate::extension_names::{
     KHR_MATERIALS_ANISOTROPY, KHR_MATERIALS_CLEARCOAT, KHR_MATERIALS_EMISSIVE_STRENGTH, KHR_MATERIALS_IOR,
-    KHR_MATERIALS_SHEEN,
+    KHR_MATERIALS_SHEEN, KHR_MATERIALS_SPECULAR, KHR_MATERIALS_TRANSMISSION,
 };
 
 /// The glTF materials of a document, in order of first use.
@@ -40,15 +45,28 @@ pub(super) struct Materials {
     pub(super) extensions: BTreeSet<&'static str>,
     libraries: Libraries,
     files: Files,
+    /// Names of those that are seen from both sides.
+    double_sided: HashSet<String>,
+    /// Keywords and options that glTF cannot express.
+    unsaid: BTreeSet<String>,
     /// The materials made so far, by name and by whether faces have texture coordinates.
     made: HashMap<(String, bool), usize>,
 }
 
 impl Materials {
     /// Creates an empty list of materials from these libraries.
-    pub(super) fn of(libraries: Libraries, files: Files) -> Self {
+    pub(super) fn of(libraries: Libraries, files: Files, double_sided: HashSet<String>) -> Self {
         let (list, textures, extensions) = Default::default();
-        Materials { list, textures, extensions, libraries, files, made: HashMap::new() }
+        Materials {
+            list,
+            textures,
+            extensions,
+            libraries,
+            files,
+            double_sided,
+            unsaid: BTreeSet::new(),
+            made: HashMap::new(),
+        }
     }
 
     /// Returns the material of a `usemtl` name, for faces with texture coordinates (`textured`) or without; `None` for
@@ -61,8 +79,9 @@ impl Materials {
             return Some(made);
         }
         let twin = self.made.get(&key(!textured)).copied();
-        let material = match (self.libraries.get(name).cloned(), twin) {
-            (Some(definition), _) => Conversion::new(definition, textured, self, notes).material(name),
+        let defined = self.libraries.get(name).map(|(name, definition)| (name, definition.clone()));
+        let mut material = match (defined, twin) {
+            (Some((name, definition)), _) => Conversion::new(definition, textured, self, notes).material(name),
             (None, Some(twin)) => return Some(twin),
             (None, None) if name.is_empty() => return None,
             (None, None) => {
@@ -70,12 +89,30 @@ impl Materials {
                 json!({"name": name})
             }
         };
+        if self.double_sided.contains(name) {
+            material["doubleSided"] = true.into();
+        }
         let index = twin.filter(|&twin| self.list[twin] == material).unwrap_or(self.list.len());
         if index == self.list.len() {
             self.list.push(material);
         }
         self.made.insert(key(textured), index);
         Some(index)
+    }
+}
+
+impl Materials {
+    /// Names what glTF cannot express.
+    pub(super) fn note_unsaid(&self, notes: &mut Notes) {
+        if !self.unsaid.is_empty() {
+            let keys: Vec<String> = self.unsaid.iter().map(|key| format!("`{key}`")).collect();
+            notes.add(String::new, &format!("glTF cannot express {}: kept in extras only", keys.join(", ")));
+        }
+    }
+
+    /// Whether a material takes its colour from a texture.
+    pub(super) fn has_color_texture(&self, material: usize) -> bool {
+        self.list[material]["pbrMetallicRoughness"]["baseColorTexture"].is_object()
     }
 }
 
@@ -100,16 +137,20 @@ impl<'a> Conversion<'a> {
         let mut out = Map::new();
         // Exporters write a material with an empty name if there is none.
         out.insert("name".to_owned(), if name.is_empty() { "(none)".into() } else { name.into() });
-        let opacity = self.opacity();
-        out.insert("pbrMetallicRoughness".to_owned(), self.metallic_roughness(opacity));
+        let look = Look::of(&self.definition, self.textured);
+        let opacity = if look.transmission.is_some() { 1.0 } else { self.opacity() };
+        let mask = self.mask();
+        out.insert("pbrMetallicRoughness".to_owned(), self.metallic_roughness(&look, opacity, mask.as_ref()));
         self.normal(&mut out);
         self.emission(&mut out);
-        self.alpha_mode(opacity, &mut out);
+        self.alpha_mode(opacity, mask.as_ref(), &mut out);
         self.index_of_refraction();
+        self.reflection(&look);
         self.layers();
         if !self.extensions.is_empty() {
             out.insert("extensions".to_owned(), self.extensions.clone().into());
         }
+        self.collect_unsaid();
         let rest = self.unsaid();
         if !rest.is_empty() {
             out.insert("extras".to_owned(), json!({"mtl": rest}));
@@ -117,10 +158,21 @@ impl<'a> Conversion<'a> {
         out.into()
     }
 
-    /// Returns `d`, or else 1 - `Tr`, in 0..1.
+    /// Returns `d`, or else 1 - `Tr` (`Tr` if the library has the opposite convention), in 0..1.
     fn opacity(&mut self) -> f32 {
+        let convention = self.definition.opacity;
         let opacity = match (self.definition.values.dissolve, self.scalar("Tr")) {
+            (Some(_), _) if convention.d_is_ignored => {
+                let message = "`d 0` in all materials of a library would hide all: they are opaque";
+                self.notes.add(String::new, message);
+                1.0
+            }
             (Some(d), _) => d as f32,
+            (None, Some(tr)) if convention.tr_is_opacity => {
+                let message = "`Tr 1` without `d` would hide the surface: `Tr` of this library is read as opacity";
+                self.notes.add(String::new, message);
+                tr
+            }
             (None, Some(tr)) => 1.0 - tr,
             (None, None) => return 1.0,
         };
@@ -128,14 +180,17 @@ impl<'a> Conversion<'a> {
         opacity.clamp(0.0, 1.0)
     }
 
-    fn metallic_roughness(&mut self, opacity: f32) -> Value {
+    fn metallic_roughness(&mut self, look: &Look, opacity: f32, mask: Option<&Mask>) -> Value {
         let mut out = Map::new();
-        let texture = self.texture("map_Kd", self.definition.values.diffuse_texture.clone());
-        let unseen = self.definition.values.diffuse == Some([0.0; 3]) && texture.is_some();
-        let [r, g, b] =
-            self.definition.values.diffuse.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| (c as f32).clamp(0.0, 1.0));
+        let texture = self.base_texture(mask);
+        let base = look.base.or(self.definition.values.diffuse.map(single));
+        let unseen = base == Some([0.0; 3]) && texture.is_some();
+        let [r, g, b] = base.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
         if !unseen {
             self.said.insert("Kd");
+        }
+        if look.metallic.is_some() {
+            self.said.insert("Ks");
         }
         if [r, g, b, opacity] != [1.0; 4] {
             out.insert("baseColorFactor".to_owned(), [r, g, b, opacity].map(decimal).to_vec().into());
@@ -143,48 +198,155 @@ impl<'a> Conversion<'a> {
         if let Some(texture) = texture {
             out.insert("baseColorTexture".to_owned(), texture);
         }
-        self.roughness_maps(&mut out);
+        self.roughness_maps(look, &mut out);
         out.into()
     }
 
-    /// glTF stores roughness in the green and metalness in the blue channel of one image. A grey `map_Pr` can be used
-    /// if nothing is metallic, and a single file for both if it has that layout; otherwise the maps stay in extras.
-    fn roughness_maps(&mut self, out: &mut Map<String, Value>) {
-        let (map_pr, map_pm) = (self.unknown("map_Pr"), self.unknown("map_Pm"));
+    /// Returns `map_Kd`, with the alpha of a `map_d` of another file.
+    fn base_texture(&mut self, mask: Option<&Mask>) -> Option<Value> {
+        let text = self.definition.values.diffuse_texture.clone();
+        let Some(Mask { statement, alpha: Some((file, alpha)), .. }) = mask else {
+            return self.texture("map_Kd", text);
+        };
+        let color = text.as_deref().map(Statement::parse);
+        if color.as_ref().is_some_and(|color| !color.lies_as(statement)) {
+            let message = "`map_d` lies otherwise on the surface than `map_Kd`: kept by name in extras only";
+            self.notes.add(String::new, message);
+            return self.texture("map_Kd", text);
+        }
+        let found = color.as_ref().and_then(|color| self.find(color));
+        let key = format!("{}+{}", found.as_deref().unwrap_or(Path::new("")).display(), file.display());
+        let make = || {
+            let color = found.as_deref().map(picture::read).transpose()?;
+            Ok(picture::with_alpha(color.as_ref(), alpha))
+        };
+        match self.materials.textures.made(&key, color.as_ref().unwrap_or(statement), make) {
+            Ok(info) => {
+                self.said.insert("map_d");
+                self.said.extend(found.is_some().then_some("map_Kd"));
+                Some(info)
+            }
+            Err(cause) => {
+                self.notes.add(String::new, &format!("`map_d` cannot be merged into `map_Kd`: {cause}"));
+                self.texture("map_Kd", text)
+            }
+        }
+    }
+
+    /// Returns `map_d`, if there is one; its alpha if it is in a file of its own.
+    fn mask(&mut self) -> Option<Mask> {
+        let text = self.definition.values.dissolve_texture.clone().filter(|_| self.textured)?;
+        let statement = Statement::parse(&text);
+        let color = self.definition.values.diffuse_texture.as_deref().map(|text| Statement::parse(text).file);
+        if color.as_ref() == Some(&statement.file) {
+            return Some(Mask { statement, alpha: None, same_file: true });
+        }
+        let file = self.find(&statement)?;
+        let alpha = match picture::read(&file) {
+            Ok(image) => Some((file, Grey::of(&image, statement.channel))),
+            Err(cause) => {
+                self.notes.add(String::new, &format!("`map_d` `{}` cannot be read: {cause}", statement.file));
+                None
+            }
+        };
+        Some(Mask { statement, alpha, same_file: false })
+    }
+
+    /// Roughness and metalness. glTF stores them in the green and blue channel of one image: a grey `map_Pr` can be used
+    /// as it is if nothing is metallic, and a single file for both if it has that layout; other maps are packed.
+    fn roughness_maps(&mut self, look: &Look, out: &mut Map<String, Value>) {
+        let (pr, pm) = (self.scalar("Pr"), self.scalar("Pm").or(look.metallic));
+        let [map_pr, map_pm] = ["map_Pr", "map_Pm"].map(|key| self.unknown(key).filter(|_| self.textured));
         let file = |text: &Option<String>| text.as_deref().map(|text| Statement::parse(text).file);
-        let (pr, pm) = (self.scalar("Pr"), self.scalar("Pm"));
         let both = map_pr.is_some() && file(&map_pr) == file(&map_pm);
         let rough_only = map_pr.is_some() && map_pm.is_none() && pm.unwrap_or(0.0) <= 0.0;
-        let texture = (both || rough_only).then(|| self.texture("map_Pr", map_pr.clone())).flatten();
-        if self.textured && texture.is_none() && (map_pr.is_some() || map_pm.is_some()) {
-            let message = "glTF cannot take these `map_Pr` and `map_Pm`: kept by name in extras only";
-            self.notes.add(String::new, message);
-        }
-        let textured = texture.is_some();
-        let shininess = self.definition.values.shininess.map(|exponent| roughness(exponent as f32));
-        let metallic = pm.unwrap_or(if textured && both { 1.0 } else { 0.0 });
-        let rough = pr.or(if textured { None } else { shininess }).unwrap_or(1.0);
+        let texture = match both || rough_only {
+            true => self.texture("map_Pr", map_pr.clone()).map(|info| (info, true, both)),
+            false => self.packed_maps(map_pr.as_deref(), map_pm.as_deref()),
+        };
+        let shininess = self.definition.values.shininess.map(|exponent| exponent as f32);
+        let [rough_map, metal_map] = texture.as_ref().map_or([false; 2], |(_, rough, metal)| [*rough, *metal]);
+        let scalar = |value: Option<f32>, is_mapped: bool| value.filter(|value| !is_mapped || *value > 0.0);
+        let metallic = scalar(pm, metal_map).unwrap_or(if metal_map { 1.0 } else { 0.0 });
+        let by_shininess = if look.is_sharp { sharp_roughness(shininess) } else { shininess.map_or(1.0, roughness) };
+        let rough = scalar(pr, rough_map).unwrap_or(if rough_map { 1.0 } else { by_shininess });
         self.said.extend(["Pr", "Pm"]);
         out.insert("metallicFactor".to_owned(), decimal(metallic.clamp(0.0, 1.0)));
         out.insert("roughnessFactor".to_owned(), decimal(rough.clamp(0.0, 1.0)));
-        if let Some(texture) = texture {
-            self.said.extend(both.then_some("map_Pm"));
+        if let Some((texture, rough, metal)) = texture {
+            self.said.extend(rough.then_some("map_Pr").into_iter().chain(metal.then_some("map_Pm")));
             out.insert("metallicRoughnessTexture".to_owned(), texture);
         }
     }
 
+    /// Packs `map_Pr` (or else `map_Ns`) and `map_Pm` into one image. Also returns whether it has roughness and metalness.
+    fn packed_maps(&mut self, map_pr: Option<&str>, map_pm: Option<&str>) -> Option<(Value, bool, bool)> {
+        let map_ns = self.definition.values.shininess_texture.clone().filter(|_| self.textured && map_pr.is_none());
+        let statements = [map_pr.or(map_ns.as_deref()), map_pm].map(|text| text.map(Statement::parse));
+        let first = statements.iter().flatten().next()?.clone();
+        if statements.iter().flatten().any(|other| !other.lies_as(&first)) {
+            let message = "`map_Pr` and `map_Pm` lie differently on the surface: kept by name in extras only";
+            self.notes.add(String::new, message);
+            return None;
+        }
+        let [rough, metal] = statements.each_ref().map(|statement| {
+            let statement = statement.as_ref()?;
+            Some((self.find(statement)?, statement.channel))
+        });
+        if rough.is_none() && metal.is_none() {
+            return None;
+        }
+        let exponent = self.definition.values.shininess.map_or(1000.0, |exponent| exponent as f32);
+        let read = |of: &Option<(PathBuf, Channel)>| {
+            of.as_ref().map(|(file, channel)| picture::read(file).map(|image| Grey::of(&image, *channel))).transpose()
+        };
+        let as_roughness = |value: u8| (255.0 * roughness(exponent * f32::from(value) / 255.0)).round() as u8;
+        let shiny = map_ns.is_some();
+        let make = || -> Result<_, String> {
+            let rough_map = read(&rough)?.map(|grey| if shiny { grey.map(as_roughness) } else { grey });
+            Ok(picture::packed(rough_map.as_ref(), read(&metal)?.as_ref()))
+        };
+        let path = |of: &Option<(PathBuf, Channel)>| of.as_ref().map(|(file, _)| file.display().to_string());
+        let key = format!("{:?} {:?} {shiny} {exponent}", path(&rough), path(&metal));
+        match self.materials.textures.made(&key, &first, make) {
+            Ok(info) => {
+                self.said.extend((shiny && rough.is_some()).then_some("map_Ns"));
+                Some((info, rough.is_some(), metal.is_some()))
+            }
+            Err(cause) => {
+                self.notes.add(String::new, &format!("maps of roughness and metalness cannot be packed: {cause}"));
+                None
+            }
+        }
+    }
+
+    /// `norm` and `map_Kn` are normal maps; bump maps are if they look so.
     fn normal(&mut self, out: &mut Map<String, Value>) {
-        for key in ["norm", "map_Kn"] {
-            let text = self.unknown(key);
-            let scale = text.as_deref().map_or(1.0, |text| Statement::parse(text).strength);
+        for key in ["norm", "map_Kn", "map_Bump", "bump"] {
+            let text = self.definition.statements.iter().rev().find(|(of, _)| of == key).map(|(_, rest)| rest.clone());
+            let Some(statement) = text.as_deref().map(Statement::parse).filter(|_| self.textured) else { continue };
+            if key.ends_with("ump") && !self.is_normal_map(&statement) {
+                continue;
+            }
             if let Some(mut texture) = self.texture(key, text) {
-                if scale != 1.0 {
-                    texture["scale"] = scale.into();
+                if statement.strength != 1.0 {
+                    texture["scale"] = statement.strength.into();
                 }
                 out.insert("normalTexture".to_owned(), texture);
                 return;
             }
         }
+    }
+
+    fn is_normal_map(&mut self, statement: &Statement) -> bool {
+        self.find(statement)
+            .and_then(|file| picture::read(&file).ok())
+            .is_some_and(|image| picture::is_normal_map(&image))
+    }
+
+    /// Finds the image of a statement.
+    fn find(&mut self, statement: &Statement) -> Option<PathBuf> {
+        texture::find(&self.definition.folder, &statement.file, &mut self.materials.files, self.notes)
     }
 
     fn emission(&mut self, out: &mut Map<String, Value>) {
@@ -206,23 +368,40 @@ impl<'a> Conversion<'a> {
         }
     }
 
-    fn alpha_mode(&mut self, opacity: f32, out: &mut Map<String, Value>) {
-        let file = |text: &Option<String>| text.as_deref().map(|text| Statement::parse(text).file);
-        let mask = file(&self.definition.values.dissolve_texture).filter(|_| self.textured);
-        if opacity < 1.0 {
+    fn alpha_mode(&mut self, opacity: f32, mask: Option<&Mask>, out: &mut Map<String, Value>) {
+        let is_merged = mask.is_some_and(|mask| mask.alpha.is_some()) && self.said.contains("map_d");
+        let is_same = mask.is_some_and(|mask| mask.same_file) && self.said.contains("map_Kd");
+        self.said.extend(is_same.then_some("map_d"));
+        let soft = mask.and_then(|mask| mask.alpha.as_ref()).is_some_and(|(_, alpha)| !alpha.is_cut_out());
+        if opacity < 1.0 || is_merged && soft {
             out.insert("alphaMode".to_owned(), "BLEND".into());
-        } else if mask.is_some() {
+        } else if is_merged || is_same {
             // glTF's default cutoff is 0.5.
             out.insert("alphaMode".to_owned(), "MASK".into());
         }
-        if mask.is_none() {
+    }
+
+    /// Glass and coloured reflections.
+    fn reflection(&mut self, look: &Look) {
+        if let Some(transmission) = look.transmission {
+            self.said.extend(["Tf", "d", "Tr", "Ks", "illum"]);
+            self.extend(KHR_MATERIALS_TRANSMISSION, json!({"transmissionFactor": decimal(transmission)}));
+        }
+        if look.metallic.is_some() || look.transmission.is_some() {
             return;
         }
-        if mask == file(&self.definition.values.diffuse_texture) && self.said.contains("map_Kd") {
-            self.said.insert("map_d");
-        } else {
-            let message = "`map_d` is another file than `map_Kd`, which glTF cannot say: kept by name in extras only";
-            self.notes.add(String::new, message);
+        let Some(color) = self.definition.values.specular.map(single) else { return };
+        let most = color.into_iter().fold(0.0, f32::max);
+        let is_grey = color.iter().all(|c| (most - c).abs() <= 0.01);
+        // Exporters write 0.5 for the reflection of common surfaces, which glTF has at 1.
+        let factor = (2.0 * most).min(1.0);
+        if most > 0.0 && !(is_grey && factor == 1.0) {
+            let mut value = json!({"specularFactor": decimal(factor)});
+            if !is_grey {
+                value["specularColorFactor"] = color.map(|c| decimal((c / most).clamp(0.0, 1.0))).to_vec().into();
+            }
+            self.said.insert("Ks");
+            self.extend(KHR_MATERIALS_SPECULAR, value);
         }
     }
 
@@ -269,6 +448,27 @@ impl<'a> Conversion<'a> {
         Some(info)
     }
 
+    /// Records the keywords of what would change the look but that glTF cannot express.
+    fn collect_unsaid(&mut self) {
+        let is_white = |rest: &str| words(rest).all(|word| word.parse() == Ok(1.0f32) || word.parse() == Ok(0.0f32));
+        for (key, rest) in &self.definition.statements {
+            let counts = match key.as_str() {
+                // What was tried has warnings of its own.
+                "map_Ka" | "map_Kd" | "map_Ke" | "map_d" | "map_Pr" | "map_Pm" | "map_Ns" | "map_Kn" => false,
+                "Tf" => !is_white(rest),
+                "disp" | "decal" | "refl" | "bump" => true,
+                _ => key.starts_with("map_"),
+            };
+            let is_map = key == "norm" || key == "bump" || key.starts_with("map_");
+            if counts && self.textured && !self.said.contains(key.as_str()) {
+                self.materials.unsaid.insert(key.clone());
+            }
+            if is_map {
+                self.materials.unsaid.extend(Statement::parse(rest).unsaid.into_iter().map(str::to_owned));
+            }
+        }
+    }
+
     fn unknown(&self, key: &str) -> Option<String> {
         self.definition.values.unknown_param.get(key).cloned()
     }
@@ -284,6 +484,91 @@ impl<'a> Conversion<'a> {
         let unsaid = statements.filter(|(key, _)| !self.said.contains(key.as_str()));
         unsaid.map(|(key, rest)| (key.clone(), rest.clone().into())).collect()
     }
+}
+
+/// What `illum`, `Ks` and `Tf` say of a material beyond its diffuse colour.
+#[derive(Clone, Copy, Debug, Default)]
+struct Look {
+    /// The base colour, if it is not `Kd`.
+    base: Option<[f32; 3]>,
+    /// Metalness of a mirror.
+    metallic: Option<f32>,
+    /// The share of light that glass lets through.
+    transmission: Option<f32>,
+    /// Whether reflections are sharp unless `Ns` says otherwise.
+    is_sharp: bool,
+}
+
+impl Look {
+    fn of(definition: &Definition, textured: bool) -> Look {
+        let values = &definition.values;
+        let illum = values.illumination_model.unwrap_or(2);
+        let has_map = textured && values.diffuse_texture.is_some();
+        let (kd, ks) =
+            (values.diffuse.map(single).unwrap_or([1.0; 3]), values.specular.map(single).unwrap_or([0.0; 3]));
+        let most = |color: [f32; 3]| color.into_iter().fold(0.0, f32::max);
+        if let Some(glass) = Look::glass(definition, illum, has_map) {
+            return glass;
+        }
+        let is_mirror = matches!(illum, 3 | 5) && most(ks) > most(kd) && !has_map;
+        // Polished metal in the Phong model: nothing but a highlight, which glTF would show black.
+        let is_metal = most(kd) < 0.04 && most(ks) >= 0.25 && !has_map;
+        if is_mirror || is_metal {
+            let is_sharp = matches!(illum, 3 | 5);
+            return Look { base: Some(ks), metallic: Some(1.0), is_sharp, transmission: None };
+        }
+        // Blender writes the metalness into `Ka` of materials with `illum 3`.
+        let blender =
+            values.ambient.map(single).filter(|[r, g, b]| illum == 3 && r == g && g == b && *r < 1.0 && *r > 0.0);
+        Look { metallic: blender.map(|[metallic, ..]| metallic), is_sharp: illum == 5, ..Look::default() }
+    }
+
+    /// Glass by `illum` 4, 6, 7 and 9, which exporters also write for opaque materials.
+    fn glass(definition: &Definition, illum: u8, has_map: bool) -> Option<Look> {
+        let values = &definition.values;
+        let filter = definition.values.unknown_param.get("Tf").and_then(|text| triple(text));
+        let opacity = values.dissolve.map_or(1.0, |d| d as f32);
+        let is_filtered = filter.is_some_and(|filter| filter != [1.0; 3] && filter != [0.0; 3]);
+        let refracts =
+            matches!(illum, 6 | 7) && (filter.is_some() || values.optical_density.is_some_and(|ior| ior > 1.0));
+        if !matches!(illum, 4 | 6 | 7 | 9) || !(refracts || is_filtered || opacity < 1.0) {
+            return None;
+        }
+        let filter = filter.filter(|filter| *filter != [0.0; 3]).unwrap_or([1.0; 3]);
+        let most = filter.into_iter().fold(0.0, f32::max).clamp(0.0, 1.0);
+        let transmission = if opacity < 1.0 && !refracts && !is_filtered { 1.0 - opacity } else { most };
+        let base = (!has_map).then(|| filter.map(|c| (c / filter.into_iter().fold(0.0, f32::max)).clamp(0.0, 1.0)));
+        Some(Look { base, metallic: None, transmission: Some(transmission), is_sharp: true })
+    }
+}
+
+/// `map_d`.
+struct Mask {
+    statement: Statement,
+    /// The file and its alpha, unless it is that of `map_Kd` or cannot be read.
+    alpha: Option<(PathBuf, Grey)>,
+    /// Whether it is the file of `map_Kd`.
+    same_file: bool,
+}
+
+/// Returns a colour in single precision.
+fn single(color: [f64; 3]) -> [f32; 3] {
+    color.map(|c| c as f32)
+}
+
+/// Parses three numbers; a single one stands for three.
+fn triple(text: &str) -> Option<[f32; 3]> {
+    let values: Vec<f32> = words(text).map_while(|word| word.parse().ok()).filter(|x: &f32| x.is_finite()).collect();
+    match values[..] {
+        [all] => Some([all; 3]),
+        [r, g, b, ..] => Some([r, g, b]),
+        _ => None,
+    }
+}
+
+/// Roughness of what reflects rays: `Ns` is 1000 times the square of 1 - roughness, as Blender writes it.
+fn sharp_roughness(exponent: Option<f32>) -> f32 {
+    exponent.map_or(0.0, |exponent| 1.0 - (exponent.clamp(0.0, 1000.0) / 1000.0).sqrt())
 }
 
 /// Converts a Phong exponent to perceptual roughness.

@@ -5,6 +5,7 @@ use rustc_hash::FxHashMap;
 
 use super::notes::Notes;
 use super::polygon::{self, Outcome};
+use super::scan::Kind;
 use super::shift;
 
 /// A primitive under construction: its vertices are the distinct (position, texture coordinate, normal) triples of the
@@ -19,10 +20,12 @@ pub(super) struct Primitive {
     pub(super) normals: Vec<[f32; 3]>,
     /// Texture coordinates with v down from the top, or empty.
     pub(super) texcoords: Vec<[f32; 2]>,
-    /// Colours in 0..1, or empty.
+    /// Linear colours in 0..1, or empty.
     pub(super) colors: Vec<[f32; 3]>,
-    /// Three vertices per triangle.
+    /// Three vertices per triangle, two per line, one per point.
     pub(super) indices: Vec<u32>,
+    /// What the vertices form.
+    pub(super) kind: Kind,
 }
 
 /// Attributes of all corners of a face. A face lacks what any of its corners lacks, and faces that lack the same form
@@ -67,6 +70,15 @@ impl Made {
     }
 }
 
+/// Converts lines or points to a primitive, with positions relative to `shift`.
+pub(super) fn strokes(kind: Kind, mesh: &tobj::Mesh, shift: DVec3, full_color: f32) -> Made {
+    let source = Source::of(mesh, shift, full_color);
+    let mut builder = Builder::default();
+    mesh.indices.iter().for_each(|&corner| builder.add([corner, 0, 0]));
+    let none = Has { texcoords: false, normals: false };
+    Made { primitives: vec![Primitive { kind, ..source.primitive(none, builder) }], ..Made::default() }
+}
+
 /// Converts a mesh to primitives, with positions relative to `shift`.
 pub(super) fn primitives(mesh: &tobj::Mesh, shift: DVec3, full_color: f32) -> Made {
     let source = Source::of(mesh, shift, full_color);
@@ -94,7 +106,7 @@ pub(super) fn primitives(mesh: &tobj::Mesh, shift: DVec3, full_color: f32) -> Ma
     Made { primitives, fans, beyond }
 }
 
-fn arities(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
+pub(super) fn arities(mesh: &tobj::Mesh) -> Box<dyn Iterator<Item = usize> + '_> {
     if mesh.face_arities.is_empty() {
         Box::new(std::iter::repeat_n(3, mesh.indices.len() / 3))
     } else {
@@ -128,7 +140,7 @@ impl<'a> Source<'a> {
     fn of(mesh: &'a tobj::Mesh, shift: DVec3, full_color: f32) -> Self {
         let triples = |values: &'a [f64]| values.chunks_exact(3).map(|c| DVec3::from_slice(c).as_vec3());
         let texcoord = |c: &[f64]| Some([c[0] as f32, 1.0 - c[1] as f32]).filter(|c| Vec2::from(*c).is_finite());
-        let color = |c: Vec3| c.is_finite().then(|| c.to_array().map(|x| (x / full_color).clamp(0.0, 1.0)));
+        let color = |c: Vec3| c.is_finite().then(|| c.to_array().map(|x| linear((x / full_color).clamp(0.0, 1.0))));
         let (positions, residuals) = shift::positions(mesh).map(|position| rounded(position, shift)).unzip();
         Source {
             mesh,
@@ -179,7 +191,16 @@ impl<'a> Source<'a> {
             texcoords: texcoords.collect(),
             colors: if colored { keys.iter().map(color).collect() } else { Vec::new() },
             indices: builder.indices,
+            kind: Kind::Faces,
         }
+    }
+}
+
+/// Converts a component of a colour from sRGB, in which OBJ files have them, to linear (IEC 61966-2-1, 1999).
+fn linear(srgb: f32) -> f32 {
+    match f64::from(srgb) {
+        dark if dark <= 0.04045 => (dark / 12.92) as f32,
+        light => ((light + 0.055) / 1.055).powf(2.4) as f32,
     }
 }
 

@@ -14,6 +14,7 @@ use std::hash::Hash;
 use bytes::Bytes;
 use rayon::prelude::*;
 
+use super::normals::Run;
 use super::notes::Notes;
 use super::text::{self, words};
 
@@ -38,22 +39,36 @@ pub(super) struct Fault {
     pub(super) cause: String,
 }
 
-/// The faces of one object, group and material.
+/// What a part consists of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) enum Kind {
+    #[default]
+    Faces,
+    /// Pairs of corners.
+    Lines,
+    /// Single corners.
+    Points,
+}
+
+/// The faces, lines or points of one object, group and material.
 #[derive(Debug)]
 pub(super) struct Part {
+    pub(super) kind: Kind,
     /// Index into [`Scan::objects`]; `None` before the first `o` and after an `o` without a name.
     pub(super) object: Option<usize>,
     /// Index into [`Scan::groups`]; `None` if there was no `g` since the last `o`.
     pub(super) group: Option<usize>,
     /// Index into [`Scan::materials`]; `None` before the first `usemtl`.
     pub(super) material: Option<usize>,
+    /// The smoothing groups of its faces, in order.
+    pub(super) smoothing: Vec<Run>,
 }
 
 /// The contents of an OBJ text except for its numbers.
 #[derive(Debug, Default)]
 pub(super) struct Scan {
-    /// Names of objects, each once.
-    pub(super) objects: Names,
+    /// Names of objects, in order; several may have one name.
+    pub(super) objects: Vec<String>,
     /// Names of groups, each once.
     pub(super) groups: Names,
     /// Names of materials, each once.
@@ -82,6 +97,11 @@ impl Names {
     /// Returns the name with that index.
     pub(super) fn get(&self, index: usize) -> &str {
         &self.0.values[index]
+    }
+
+    /// Returns the names in order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &str> {
+        self.0.values.iter().map(String::as_str)
     }
 
     fn number(&mut self, name: &str) -> usize {
@@ -113,17 +133,23 @@ impl<T: Hash + Eq + Clone> Interner<T> {
 }
 
 impl Scan {
-    /// Scans a text in blocks of whole lines.
+    /// Scans a text in blocks of whole lines. With `check` the numbers of elements are checked, which `tobj` does, too,
+    /// but without naming the line.
     ///
     /// # Errors
-    /// Names the first line that has too few numbers, or indices that are malformed, zero or out of range. Malformed
-    /// coordinates are left to [`Statements::parse`].
-    pub(super) fn of(texts: Vec<String>, notes: &mut Notes) -> Result<(Self, Statements), Fault> {
+    /// Names the first line with a malformed position; if `strict`, the first with anything malformed or out of range,
+    /// which is otherwise left out with a warning.
+    pub(super) fn of(
+        texts: Vec<String>,
+        strict: bool,
+        check: bool,
+        notes: &mut Notes,
+    ) -> Result<(Self, Statements), Fault> {
         let has = |keyword: &str| texts.par_iter().any(|text| text.contains(keyword));
-        let context =
-            Context { has_texcoords: has("vt"), has_normals: has("vn"), colored: begins_colored(&texts), before: None };
+        let (has_texcoords, has_normals, colored) = (has("vt"), has("vn"), begins_colored(&texts));
+        let context = Context { has_texcoords, has_normals, colored, before: None, total: None, strict, check };
         let mut blocks: Vec<Block> = texts.par_iter().map(|text| Block::of(text, context)).collect();
-        settle(&texts, &mut blocks, context);
+        let context = settle(&texts, &mut blocks, context);
 
         let mut merge = Merge::new(notes);
         for (text, block) in texts.into_iter().zip(blocks) {
@@ -140,23 +166,32 @@ fn begins_colored(texts: &[String]) -> bool {
     first.is_some_and(|line| words(line.text().1).count() >= 6)
 }
 
-/// Rescans the blocks that depend on others, with the results of the first scan.
-fn settle(texts: &[String], blocks: &mut [Block], context: Context) {
+/// Rescans the blocks that depend on others, with the results of the first scan; returns what is known of all.
+fn settle(texts: &[String], blocks: &mut [Block], context: Context) -> Context {
     let colored = blocks.iter().any(|block| block.tally.colored);
     let mut before = Tally::default();
-    let known: Vec<Context> = blocks
+    let known: Vec<[i64; 3]> = blocks
         .iter()
         .map(|block| {
-            let known = Context { colored, before: Some(before.counts), ..context };
+            let counts = before.counts;
             before.add(&block.tally);
-            known
+            counts
         })
         .collect();
-    blocks.par_iter_mut().zip(texts).zip(known).for_each(|((block, text), known)| {
-        if block.depends_on_others(known.colored, context) {
-            *block = Block::of(text, known);
+    let total = before.counts;
+    // Keywords in capitals are only found by the scan.
+    let (texcoords, normals) = (context.has_texcoords || total[1] > 0, context.has_normals || total[2] > 0);
+    let surprising = (texcoords, normals) != (context.has_texcoords, context.has_normals);
+    let all = Context { has_texcoords: texcoords, has_normals: normals, colored, ..context };
+    blocks.par_iter_mut().zip(texts).zip(known).for_each(|((block, text), before)| {
+        if surprising || block.depends_on_others(colored, context) {
+            *block = Block::of(text, Context { before: Some(before), ..all });
+        }
+        if !context.strict && block.goes_beyond(total) {
+            *block = Block::of(text, Context { before: Some(before), total: Some(total), ..all });
         }
     });
+    all
 }
 
 impl Statements {
@@ -175,36 +210,44 @@ impl Statements {
     }
 }
 
-/// Returns the first line with a malformed coordinate; used after parsing has failed.
-pub(super) fn first_malformed(texts: &[String]) -> Option<Fault> {
-    let mut before = 0;
-    texts.iter().find_map(|text| {
-        let fault = text::lines(text).find_map(|line| {
-            let (key, rest) = line.text();
-            elements::check(key, rest).err().map(|cause| Fault { line: before + line.number, cause })
-        });
-        before += text.matches('\n').count();
-        fault
-    })
-}
-
-/// Whether the words contain NaN or infinity as printed by C, or are followed by a comment.
+/// Whether the words contain numbers that Rust does not parse as they are, or are followed by a comment.
 fn needs_repair(rest: &str) -> bool {
-    rest.bytes().any(|byte| byte == b'#' || byte == b'(')
+    rest.bytes().any(|byte| matches!(byte, b'#' | b'(' | b',' | b'd' | b'D'))
 }
 
-/// Returns the words without a trailing comment, with `1.#IND`, `-1.#INF`, `nan(ind)` and similar rewritten for Rust.
-fn repaired(rest: &str) -> String {
+/// Returns the numbers of a statement without a trailing comment, rewritten for Rust: `1.#IND`, `-1.#INF`, `nan(ind)`
+/// and similar of C, exponents `1.0D+00` of Fortran, decimal commas. Commas separate numbers if the statement has
+/// otherwise too few.
+fn repaired(key: &str, rest: &str) -> String {
+    let least = if key == "vt" { 2 } else { 3 };
+    let commas_separate = rest.contains(',') && words(rest).filter(|word| *word != ",").count() < least;
+    let separated = commas_separate.then(|| rest.replace(',', " "));
     let mut out = String::with_capacity(rest.len());
-    for word in words(rest) {
+    for word in words(separated.as_deref().unwrap_or(rest)) {
         let sign = if word.starts_with('-') { "-" } else { "" };
         let lower = word.to_ascii_lowercase();
         match () {
             () if lower.contains("#inf") => out.extend([sign, "inf"]),
             () if word.contains('#') || lower.contains("nan(") => out.push_str("nan"),
-            () => out.push_str(word),
+            () => out.push_str(&plain_number(&lower)),
         }
         out.push(' ');
     }
     out
+}
+
+/// Returns a number with a decimal point and an exponent `e`. The last of commas and points is the decimal one, those
+/// before it group digits; a comma at the end only separates.
+fn plain_number(word: &str) -> String {
+    let word = word.trim_end_matches(',');
+    let word = if word.starts_with(|c: char| c.is_ascii_digit() || "+-.,".contains(c)) {
+        word.replacen('d', "e", 1)
+    } else {
+        word.to_owned()
+    };
+    match (word.rfind(','), word.rfind('.')) {
+        (None, _) => word,
+        (Some(comma), Some(point)) if comma < point => word.replace(',', ""),
+        _ => word.replace('.', "").replacen(',', ".", 1),
+    }
 }

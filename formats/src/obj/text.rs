@@ -6,8 +6,10 @@ use std::ops::Range;
 use std::str::Split;
 use std::string::FromUtf8Error;
 
+use encoding_rs::Encoding;
 use rayon::prelude::*;
 
+use super::encoding;
 use super::notes::Notes;
 
 /// One statement: a trimmed line that is neither empty nor a comment, with continuations joined.
@@ -37,8 +39,8 @@ fn cut(text: &str) -> (&str, &str) {
     (key, rest.trim_start())
 }
 
-/// Returns the statements of a text, in order. A backslash at the end of a line continues it, except in a comment,
-/// because comments end in Windows paths more often than in continuations.
+/// Returns the statements of a text, in order. A backslash at the end of a line continues a statement that consists of
+/// numbers; comments and names end in Windows paths more often than in continuations.
 pub(super) fn lines(text: &str) -> Lines<'_> {
     Lines { rest: text.split('\n'), number: 0, offset: 0 }
 }
@@ -63,6 +65,9 @@ impl<'a> Lines<'a> {
         let mut joined = first.to_owned();
         while joined.ends_with('\\') {
             joined.pop();
+            if self.rest.clone().next().is_none_or(begins_statement) {
+                break;
+            }
             let Some(next) = self.raw() else { break };
             joined.push(' ');
             joined.push_str(next);
@@ -83,10 +88,28 @@ impl<'a> Iterator for Lines<'a> {
             if raw.is_empty() || raw.starts_with('#') {
                 continue;
             }
-            let text = if raw.ends_with('\\') { Cow::Owned(self.continued(raw)) } else { Cow::Borrowed(raw) };
+            let continues = raw.ends_with('\\') && has_numbers(cut(raw).0);
+            let text = if continues { Cow::Owned(self.continued(raw)) } else { Cow::Borrowed(raw) };
             return Some(Line { number, range: start..self.offset, text });
         }
     }
+}
+
+/// Whether a statement of this keyword consists of numbers.
+fn has_numbers(key: &str) -> bool {
+    const KEYS: [&str; 25] = [
+        "v", "vt", "vn", "vp", "f", "fo", "l", "p", "curv", "curv2", "surf", "parm", "trim", "hole", "scrv", "sp",
+        "con", "bmat", "deg", "step", "ka", "kd", "ks", "ke", "tf",
+    ];
+    let key = key.trim_end_matches('\\');
+    KEYS.iter().any(|known| known.eq_ignore_ascii_case(key))
+}
+
+/// Whether a line begins a statement: if so it does not continue the one before, whatever that ends in.
+fn begins_statement(line: &str) -> bool {
+    let key = cut(line.trim()).0;
+    let names = ["o", "g", "s", "usemtl", "mtllib", "newmtl", "end"];
+    has_numbers(key) || names.iter().any(|known| known.eq_ignore_ascii_case(key))
 }
 
 /// Returns the place of a line for errors and warnings.
@@ -122,12 +145,17 @@ pub(super) fn read_blocks(mut file: impl Read) -> std::io::Result<Vec<Vec<u8>>> 
     Ok(blocks)
 }
 
-/// Returns the last line feed that certainly ends a statement, in any encoding that includes ASCII: one preceded by a
-/// printable ASCII character other than a backslash.
+/// Returns the end of the last line that certainly ends a statement, in any encoding that includes ASCII: one whose
+/// last character is printable ASCII other than a backslash.
 fn end_of_statement(bytes: &[u8]) -> Option<usize> {
     let mut end = bytes.len();
     loop {
-        end = bytes[..end].iter().rposition(|&byte| byte == b'\n')?;
+        let ends_line = |at: usize| match bytes[at] {
+            b'\n' => true,
+            b'\r' => bytes.get(at + 1).is_some_and(|&next| next != b'\n'),
+            _ => false,
+        };
+        end = (0..end).rposition(ends_line)?;
         let before = bytes[..end].trim_ascii_end();
         let last = *before.last()?;
         if last.is_ascii_graphic() && last != b'\\' {
@@ -137,38 +165,33 @@ fn end_of_statement(bytes: &[u8]) -> Option<usize> {
     }
 }
 
-/// Decodes the blocks of a file: UTF-8, UTF-16 if there is a byte order mark, otherwise Latin-1. If carriage returns
-/// are the only line ends, they are replaced by line feeds.
-pub(super) fn decode(mut blocks: Vec<Vec<u8>>, notes: &mut Notes) -> Vec<String> {
-    let mut texts = match blocks.first().map(Vec::as_slice) {
-        Some([0xFE, 0xFF, ..]) => vec![utf16(&blocks.concat()[2..], u16::from_be_bytes)],
-        Some([0xFF, 0xFE, ..]) => vec![utf16(&blocks.concat()[2..], u16::from_le_bytes)],
-        Some([0xEF, 0xBB, 0xBF, ..]) => {
-            blocks[0].drain(..3);
-            utf8(blocks, notes)
-        }
-        _ => utf8(blocks, notes),
-    };
-    if let [text] = texts.as_mut_slice()
-        && text.contains('\r')
-        && !text.contains('\n')
-    {
-        *text = text.replace('\r', "\n");
-    }
-    texts
-}
-
-fn utf8(blocks: Vec<Vec<u8>>, notes: &mut Notes) -> Vec<String> {
+/// Decodes the blocks of a file: UTF-8, UTF-16, or else the code page that `code_page` decides. Afterwards every line
+/// ends in a line feed.
+pub(super) fn decode(
+    blocks: Vec<Vec<u8>>,
+    code_page: impl FnOnce(&[Vec<u8>]) -> &'static Encoding,
+    notes: &mut Notes,
+) -> Vec<String> {
+    let mut blocks = encoding::without_mark(blocks);
+    blocks.par_iter_mut().for_each(|block| end_lines(block));
     let texts: Vec<_> = blocks.into_par_iter().map(String::from_utf8).collect();
     if texts.iter().all(Result::is_ok) {
         return texts.into_iter().flatten().collect();
     }
-    notes.add(String::new, "text that is not UTF-8 is read as Latin-1");
     let bytes = texts.into_iter().map(|text| text.map_or_else(FromUtf8Error::into_bytes, String::into_bytes));
-    bytes.map(|bytes| bytes.into_iter().map(char::from).collect()).collect()
+    let blocks: Vec<Vec<u8>> = bytes.collect();
+    let encoding = code_page(&blocks);
+    notes.add(String::new, &format!("text that is not UTF-8 is read as {}", encoding.name()));
+    encoding::decoded(&blocks, encoding)
 }
 
-fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
-    let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
-    char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
+/// Replaces carriage returns that end a line by themselves with line feeds.
+fn end_lines(text: &mut [u8]) {
+    let mut at = 0;
+    while let Some(next) = text[at..].iter().position(|&byte| byte == b'\r') {
+        at += next + 1;
+        if text.get(at) != Some(&b'\n') {
+            text[at - 1] = b'\n';
+        }
+    }
 }

@@ -1,12 +1,14 @@
 //! Texture statements of MTL (`map_Kd -s 1 1 1 file name.png`) and their conversion to glTF textures.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use image::DynamicImage;
 use serde_json::{Value, json};
 
 use super::files::Files;
 use super::notes::Notes;
+use super::picture::{self, Channel};
 use crate::extension_names::KHR_TEXTURE_TRANSFORM;
 
 /// A parsed texture statement.
@@ -22,12 +24,24 @@ pub(super) struct Statement {
     clamp: bool,
     /// `-bm`: strength of a bump or normal map.
     pub(super) strength: f64,
+    /// `-imfchan`: the channel of a map of one number.
+    pub(super) channel: Channel,
+    /// Options that change the picture and that glTF has no notion of.
+    pub(super) unsaid: Vec<&'static str>,
 }
 
 impl Statement {
     /// Parses a statement. Options may precede or follow the file name, which may contain spaces.
     pub(super) fn parse(text: &str) -> Self {
-        let mut out = Statement { file: String::new(), scale: [1.0; 2], offset: [0.0; 2], clamp: false, strength: 1.0 };
+        let mut out = Statement {
+            file: String::new(),
+            scale: [1.0; 2],
+            offset: [0.0; 2],
+            clamp: false,
+            strength: 1.0,
+            channel: Channel::Usual,
+            unsaid: Vec::new(),
+        };
         let mut rest = out.options(text);
         while let Some(start) = option_inside(rest) {
             let (before, options) = rest.split_at(start);
@@ -60,7 +74,10 @@ impl Statement {
             "-s" => self.scale = [0, 1].map(|i| number(i).unwrap_or(1.0)),
             "-o" => self.offset = [0, 1].map(|i| number(i).unwrap_or(0.0)),
             "-bm" => self.strength = number(0).unwrap_or(1.0),
-            "-clamp" => self.clamp = arguments.first() == Some(&"on"),
+            "-clamp" => self.clamp = arguments.first().is_some_and(|word| word.eq_ignore_ascii_case("on")),
+            "-imfchan" => self.channel = channel(arguments.first().copied().unwrap_or_default()),
+            "-mm" if (number(0), number(1)) != (Some(0.0), Some(1.0)) => self.unsaid.push("-mm"),
+            "-t" if (0..3).any(|i| number(i).is_some_and(|x| x != 0.0)) => self.unsaid.push("-t"),
             _ => {}
         }
     }
@@ -71,6 +88,18 @@ impl Statement {
         let ([su, sv], [ou, ov]) = (self.scale, self.offset);
         let identity = self.scale == [1.0; 2] && self.offset == [0.0; 2];
         (!identity).then(|| json!({"offset": [ou, 1.0 - sv - ov], "scale": [su, sv]}))
+    }
+}
+
+/// Returns the channel of a word of `-imfchan`.
+fn channel(word: &str) -> Channel {
+    match word.to_ascii_lowercase().as_str() {
+        "r" => Channel::Red,
+        "g" => Channel::Green,
+        "b" => Channel::Blue,
+        "m" => Channel::Alpha,
+        "l" => Channel::Luminance,
+        _ => Channel::Usual,
     }
 }
 
@@ -140,58 +169,125 @@ pub(super) struct Textures {
     pub(super) textures: Once,
     /// Whether a texture info uses `KHR_texture_transform`.
     pub(super) transformed: bool,
+    /// Images that are no files; `bufferView` of [`Textures::images`] is an index into this list.
+    pub(super) embedded: Vec<Vec<u8>>,
+    /// Images made of others, by what they are made of; `None` if that failed.
+    made: HashMap<String, Option<usize>>,
 }
 
 impl Textures {
     /// Returns the glTF `textureInfo` of a statement in an MTL file of folder `base`; `None` with a warning if the file
-    /// is neither PNG nor JPEG, which glTF does not allow. A missing file causes a warning and is still referred to.
+    /// is missing or no image. Images that are neither PNG nor JPEG, which glTF does not allow, are converted to PNG.
     pub(super) fn info(
         &mut self,
-        file: &Statement,
+        statement: &Statement,
         base: &Path,
         files: &mut Files,
         notes: &mut Notes,
     ) -> Option<Value> {
-        let found = files.find(base, &file.file);
-        let image = match &found {
-            Some(path) => files.uri(path),
-            None => files.uri_as_written(base, &file.file),
+        let found = find(base, &statement.file, files, notes)?;
+        let source = match allowed(&found) {
+            Some(mime) if found.to_str().is_none() => {
+                // A URI cannot name this file.
+                self.embed(&found.to_string_lossy(), || std::fs::read(&found).map_err(|e| e.to_string()), mime)
+            }
+            Some(_) => Ok(self.images.number(json!({"uri": files.uri(&found)}))),
+            None => self.embed(&found.to_string_lossy(), || picture::png(&picture::read(&found)?), "image/png"),
         };
-        if image.is_empty() || !allowed(found.as_deref(), &image) {
-            let message = format!("texture `{}` is neither PNG nor JPEG: kept by name in extras only", file.file);
-            notes.add(String::new, &message);
-            return None;
+        match source {
+            Ok(source) => Some(self.place(source, statement)),
+            Err(cause) => {
+                let message = "is neither PNG nor JPEG and cannot be converted";
+                let file = &statement.file;
+                notes.add(String::new, &format!("texture `{file}` {message}, kept by name in extras only: {cause}"));
+                None
+            }
         }
-        if found.is_none() {
-            notes.add(String::new, &format!("texture `{}` not found", file.file));
+    }
+
+    /// Returns the `textureInfo` of an image that is made of others; the statement places it. `key` names what it is made
+    /// of.
+    ///
+    /// # Errors
+    /// Says why it cannot be made.
+    pub(super) fn made(
+        &mut self,
+        key: &str,
+        statement: &Statement,
+        make: impl FnOnce() -> Result<DynamicImage, String>,
+    ) -> Result<Value, String> {
+        let source = self.embed(key, || picture::png(&make()?), "image/png")?;
+        Ok(self.place(source, statement))
+    }
+
+    /// Returns the index of an image with these bytes; `key` tells images apart.
+    fn embed(
+        &mut self,
+        key: &str,
+        bytes: impl FnOnce() -> Result<Vec<u8>, String>,
+        mime: &str,
+    ) -> Result<usize, String> {
+        if let Some(&known) = self.made.get(key) {
+            return known.ok_or_else(|| "see the first warning".to_owned());
         }
-        let source = self.images.number(json!({"uri": image}));
+        let bytes = bytes();
+        let index = bytes.map(|bytes| {
+            self.embedded.push(bytes);
+            let name = Path::new(key).file_stem().unwrap_or_default().to_string_lossy();
+            self.images.number(json!({"name": name, "mimeType": mime, "bufferView": self.embedded.len() - 1}))
+        });
+        self.made.insert(key.to_owned(), index.as_ref().ok().copied());
+        index
+    }
+
+    /// Returns the `textureInfo` of an image, placed by a statement.
+    fn place(&mut self, source: usize, statement: &Statement) -> Value {
         let mut texture = json!({"source": source});
-        if file.clamp {
+        if statement.clamp {
             // 33071 is CLAMP_TO_EDGE.
             texture["sampler"] = self.samplers.number(json!({"wrapS": 33071, "wrapT": 33071})).into();
         }
         let mut info = json!({"index": self.textures.number(texture)});
-        if let Some(transform) = file.transform() {
+        if let Some(transform) = statement.transform() {
             self.transformed = true;
             info["extensions"] = json!({KHR_TEXTURE_TRANSFORM: transform});
         }
-        Some(info)
+        info
     }
 }
 
-/// Whether glTF allows the image: by its first bytes if the file exists, otherwise by its extension.
-fn allowed(found: Option<&Path>, name: &str) -> bool {
-    let mut magic = [0; 4];
-    let read = |path: &Path| {
-        use std::io::Read;
-        std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut magic)).is_ok()
-    };
-    match found.map(read) {
-        Some(true) => magic == *b"\x89PNG" || magic.starts_with(&[0xFF, 0xD8, 0xFF]),
-        _ => {
-            let name = name.to_ascii_lowercase();
-            [".png", ".jpg", ".jpeg"].iter().any(|end| name.ends_with(end))
+impl Statement {
+    /// Whether two textures lie alike on a surface.
+    pub(super) fn lies_as(&self, other: &Statement) -> bool {
+        (self.scale, self.offset, self.clamp) == (other.scale, other.offset, other.clamp)
+    }
+}
+
+/// Finds the image of a statement in an MTL file of folder `base`; a missing one causes a warning.
+pub(super) fn find(base: &Path, written: &str, files: &mut Files, notes: &mut Notes) -> Option<PathBuf> {
+    let found = files.find(base, written);
+    match &found {
+        Some(file) if files.is_outside(file) => {
+            notes.add(String::new, &format!("texture `{written}` read from outside the folder of the model"));
         }
+        Some(_) => {}
+        None if written.to_ascii_uppercase().contains("<UDIM>") => {
+            let message = "is a set of UDIM tiles, of which glTF has no notion: kept by name in extras only";
+            notes.add(String::new, &format!("texture `{written}` {message}"));
+        }
+        None => notes.add(String::new, &format!("texture `{written}` not found: kept by name in extras only")),
+    }
+    found
+}
+
+/// Returns the media type of an image that glTF allows, by its first bytes.
+fn allowed(file: &Path) -> Option<&'static str> {
+    use std::io::Read;
+    let mut magic = [0; 4];
+    std::fs::File::open(file).and_then(|mut file| file.read_exact(&mut magic)).ok()?;
+    match magic {
+        [0x89, b'P', b'N', b'G'] => Some("image/png"),
+        [0xFF, 0xD8, 0xFF, _] => Some("image/jpeg"),
+        _ => None,
     }
 }

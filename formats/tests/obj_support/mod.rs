@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use raykiln_formats::{Document, Error};
+use raykiln_formats::{Document, Error, ObjOptions};
 use serde_json::Value;
 
 /// Reads `scene.obj` of these files.
@@ -15,12 +15,17 @@ pub(crate) fn try_read(files: &[(&str, &[u8])]) -> Result<Document, Error> {
 
 /// As [`try_read`], in a folder that may hold other files.
 pub(crate) fn try_read_in(folder: &Path, files: &[(&str, &[u8])]) -> Result<Document, Error> {
+    write_and_read(folder, files, false)
+}
+
+/// As [`try_read_in`]; `strict` refuses damage.
+pub(crate) fn write_and_read(folder: &Path, files: &[(&str, &[u8])], strict: bool) -> Result<Document, Error> {
     for (name, bytes) in files {
         let path = folder.join(name);
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder made");
         std::fs::write(path, bytes).expect("a file written");
     }
-    raykiln_formats::read(&folder.join("scene.obj"))
+    raykiln_formats::read_with(&folder.join("scene.obj"), &ObjOptions::default().with_strict(strict))
 }
 
 /// Reads an OBJ text, which must be sound.
@@ -47,12 +52,17 @@ pub(crate) fn read_files(files: &[(&str, &[u8])]) -> Document {
     sound(try_read(files))
 }
 
-/// The message with which an OBJ text is refused.
+/// The message with which an OBJ text is refused if damage is not to be left out.
 pub(crate) fn refusal(obj: &str) -> String {
-    let error = try_read(&[("scene.obj", obj.as_bytes())]).expect_err("the text must be refused");
+    let options = ObjOptions::default().with_strict(true);
+    let error = raykiln_formats::read_bytes_with("scene.obj", obj.as_bytes().to_vec(), &options);
+    let error = error.expect_err("the text must be refused");
     assert!(error.file.ends_with("scene.obj"), "{error}");
     format!("{}: {}", error.place, error.cause)
 }
+
+/// A PNG file of one pixel.
+pub(crate) const PIXEL: &[u8] = include_bytes!("pixel.png");
 
 fn sound(document: Result<Document, Error>) -> Document {
     let document = document.expect("the file must be read");
@@ -65,9 +75,16 @@ pub(crate) fn material(mtl: &str) -> Value {
     material_of(&textured(mtl))
 }
 
-/// A document of one textured triangle that uses material `m` of this MTL text.
+/// A textured triangle that uses material `m`.
+pub(crate) const TEXTURED: &str =
+    "mtllib scene.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
+
+/// A document of one textured triangle that uses material `m` of this MTL text, with a file of one pixel for each word
+/// that ends in `.png`.
 pub(crate) fn textured(mtl: &str) -> Document {
-    read_with_mtl("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n", mtl)
+    let mut files = vec![("scene.obj", TEXTURED.as_bytes()), ("scene.mtl", mtl.as_bytes())];
+    files.extend(mtl.split_whitespace().filter(|word| word.ends_with(".png")).map(|word| (word, PIXEL)));
+    read_files(&files)
 }
 
 /// The only material of a document.
@@ -194,7 +211,8 @@ fn check_primitive(document: &Document, mesh: usize, at: usize) {
     for (name, accessor) in value["attributes"].as_object().expect("attributes") {
         assert_eq!(numbers(document, accessor).len(), positions.len(), "{name}");
     }
-    let used: std::collections::BTreeSet<usize> = triangles(document, mesh, at).into_iter().flatten().collect();
+    let indices = numbers(document, &value["indices"]);
+    let used: std::collections::BTreeSet<usize> = indices.iter().map(|index| index[0] as usize).collect();
     assert!(used.into_iter().eq(0..positions.len()), "every vertex is used, none is out of range");
     let bounds = &document.json["accessors"][index(&value["attributes"]["POSITION"])];
     for axis in 0..3 {

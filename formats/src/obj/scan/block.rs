@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use super::super::text::{self, Line};
-use super::Fault;
+use super::super::text::{self, Line, words};
 use super::elements::{Elements, Tally};
 use super::face::{Faces, Largest};
 use super::pieces::{Piece, Sources};
+use super::{Fault, Kind};
 
 /// What the scan of a block needs to know of the others.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +19,29 @@ pub(super) struct Context {
     pub(super) colored: bool,
     /// Number of elements before the block; `None` if not counted yet.
     pub(super) before: Option<[i64; 3]>,
+    /// Number of elements of the text, if faces refer to elements beyond.
+    pub(super) total: Option<[i64; 3]>,
+    /// Whether damage is a fault.
+    pub(super) strict: bool,
+    /// Whether the numbers of elements are checked.
+    pub(super) check: bool,
+}
+
+/// Something wrong that the reader leaves out: the first cause, its line, and the number of lines.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Damage {
+    pub(super) line: usize,
+    pub(super) cause: String,
+    pub(super) count: usize,
+}
+
+impl Damage {
+    fn add(&mut self, line: usize, cause: String) {
+        if self.count == 0 {
+            (self.line, self.cause) = (line, cause);
+        }
+        self.count += 1;
+    }
 }
 
 /// Statements that assign faces to parts, and the faces between them. Names are ranges of [`Block::names`].
@@ -27,7 +50,10 @@ pub(super) enum Event {
     Object(Range<usize>),
     Group(Range<usize>),
     Material(Range<usize>),
-    Faces(Piece),
+    /// A smoothing group; 0 for none.
+    Smoothing(u32),
+    /// Faces, lines or points, and their number.
+    Faces(Kind, Piece, usize),
 }
 
 /// The scan of a block. Line numbers are relative to the block and start at 1.
@@ -49,6 +75,12 @@ pub(super) struct Block {
     pub(super) largest: Largest,
     /// Whether faces use indices relative to earlier elements.
     pub(super) counts_back: bool,
+    /// Faces left out, and faces whose texture coordinates or normals count as missing.
+    pub(super) damage: [Damage; 3],
+    /// Whether there is a statement of OBJ.
+    pub(super) known: bool,
+    /// The first line that is none.
+    pub(super) unknown: Option<usize>,
     /// The first faulty line, at which the scan stopped.
     pub(super) fault: Option<Fault>,
 }
@@ -69,6 +101,11 @@ impl Block {
         context.before.is_none() && self.counts_back || colored && !context.colored
     }
 
+    /// Whether faces refer to elements beyond these.
+    pub(super) fn goes_beyond(&self, counts: [i64; 3]) -> bool {
+        (0..3).any(|kind| self.largest[kind].0 > counts[kind])
+    }
+
     /// Returns the text and the replacement statements that the pieces of this block refer to.
     pub(super) fn sources(&mut self, text: String) -> Sources {
         Sources::new(text, std::mem::take(&mut self.mended))
@@ -77,6 +114,10 @@ impl Block {
 
 struct Scanner {
     before: Option<[i64; 3]>,
+    strict: bool,
+    damage: [Damage; 3],
+    known: bool,
+    unknown: Option<usize>,
     elements: Elements,
     faces: Faces,
     events: Vec<Event>,
@@ -90,7 +131,16 @@ impl Scanner {
     fn new(context: Context) -> Self {
         Scanner {
             before: context.before,
-            elements: Elements { color_all: context.colored, ..Elements::default() },
+            strict: context.strict,
+            damage: Default::default(),
+            known: false,
+            unknown: None,
+            elements: Elements {
+                color_all: context.colored,
+                strict: context.strict,
+                check: context.check,
+                ..Elements::default()
+            },
             faces: Faces::new(&context),
             events: Vec::new(),
             names: String::new(),
@@ -101,14 +151,35 @@ impl Scanner {
     }
 
     fn statement(&mut self, line: Line<'_>) -> Result<(), String> {
-        let (key, rest) = line.text();
+        let key = line.text().0;
+        if self.keyword(key, &line)? {
+            self.known = true;
+            return Ok(());
+        }
+        let lower = key.to_ascii_lowercase();
+        if lower != key && self.keyword(&lower, &line)? {
+            self.known = true;
+            return Ok(());
+        }
+        let message = left_out(&lower);
+        match message {
+            UNKNOWN => _ = self.unknown.get_or_insert(line.number),
+            _ => self.known = true,
+        }
+        self.note(line.number, message);
+        Ok(())
+    }
+
+    /// Reads a statement of this keyword; returns whether it is one that counts.
+    fn keyword(&mut self, key: &str, line: &Line<'_>) -> Result<bool, String> {
+        let rest = line.text().1;
         match key {
             "v" | "vt" | "vn" => {
-                if let Some(unread) = self.elements.add(&line, &mut self.mended)? {
+                if let Some(unread) = self.elements.add(key, line, &mut self.mended)? {
                     self.note(line.number, unread);
                 }
             }
-            "f" | "fo" => self.face(&line)?,
+            "f" | "fo" => self.face(line)?,
             "o" => {
                 let name = self.name(rest);
                 self.events.push(Event::Object(name));
@@ -121,10 +192,13 @@ impl Scanner {
                 let name = self.name(rest);
                 self.events.push(Event::Material(name));
             }
+            "l" => self.strokes(Kind::Lines, line)?,
+            "p" => self.strokes(Kind::Points, line)?,
+            "s" | "sg" => self.events.push(Event::Smoothing(words(rest).next().map_or(0, smoothing_group))),
             "mtllib" => self.libraries.push((line.number, rest.to_owned())),
-            _ => self.note(line.number, left_out(key)),
+            _ => return Ok(false),
         }
-        Ok(())
+        Ok(true)
     }
 
     fn name(&mut self, name: &str) -> Range<usize> {
@@ -152,9 +226,22 @@ impl Scanner {
         let (key, rest) = line.text();
         let within = self.elements.tally.counts;
         let counts = self.before.map(|before| [0, 1, 2].map(|kind| before[kind] + within[kind]));
-        if self.faces.read(rest, line.number, counts)? < 3 {
-            self.note(line.number, "faces of fewer than three corners left out");
-            return Ok(());
+        match self.faces.read(rest, line.number, counts) {
+            Err(cause) if self.strict => return Err(cause),
+            Err(cause) => {
+                self.damage[0].add(line.number, cause);
+                return Ok(());
+            }
+            Ok(0..3) => {
+                self.note(line.number, "faces of fewer than three corners left out");
+                return Ok(());
+            }
+            Ok(_) => {}
+        }
+        for (kind, absent) in self.faces.absent.iter_mut().enumerate() {
+            if let Some(cause) = absent.take() {
+                self.damage[kind + 1].add(line.number, cause);
+            }
         }
         let piece = if self.faces.is_plain() && line.is_verbatim() && key == "f" {
             Piece::text(line.range.clone())
@@ -163,12 +250,43 @@ impl Scanner {
             self.faces.write(rest, &mut self.mended);
             Piece::mended(start..self.mended.len())
         };
-        let follows = match self.events.last_mut() {
-            Some(Event::Faces(last)) => last.extend(&piece),
-            _ => false,
-        };
-        if !follows {
-            self.events.push(Event::Faces(piece));
+        self.push(Kind::Faces, piece, 1);
+        Ok(())
+    }
+
+    fn push(&mut self, kind: Kind, piece: Piece, count: usize) {
+        if let Some(Event::Faces(of, last, faces)) = self.events.last_mut()
+            && *of == kind
+            && last.extend(&piece)
+        {
+            *faces += count;
+            return;
+        }
+        self.events.push(Event::Faces(kind, piece, count));
+    }
+
+    /// Adds lines between consecutive corners, or a point for each corner.
+    fn strokes(&mut self, kind: Kind, line: &Line<'_>) -> Result<(), String> {
+        if self.is_provisional() {
+            return Ok(());
+        }
+        let within = self.elements.tally.counts;
+        let counts = self.before.map(|before| [0, 1, 2].map(|kind| before[kind] + within[kind]));
+        match self.faces.read(line.text().1, line.number, counts) {
+            Err(cause) if self.strict => return Err(cause),
+            Err(_) => self.note(line.number, "lines and points that refer to no vertex left out"),
+            Ok(_) => {
+                let start = self.mended.len();
+                let count = self.faces.write_strokes(if kind == Kind::Lines { 2 } else { 1 }, &mut self.mended);
+                if count > 0 {
+                    self.push(kind, Piece::mended(start..self.mended.len()), count);
+                }
+                let message = match kind {
+                    Kind::Lines => "lines (l) are kept as lines, which rays do not hit",
+                    _ => "points (p) are kept as points, which rays do not hit",
+                };
+                self.note(line.number, message);
+            }
         }
         Ok(())
     }
@@ -185,22 +303,30 @@ impl Scanner {
             notes: self.notes,
             largest: self.faces.largest,
             counts_back: self.faces.counts_back,
+            damage: self.damage,
+            known: self.known,
+            unknown: self.unknown,
             fault,
         }
     }
 }
 
+/// Returns the number of a smoothing group; 0 for `off` and anything that is no number.
+fn smoothing_group(word: &str) -> u32 {
+    word.parse::<i64>().map_or(0, |group| group.unsigned_abs() as u32)
+}
+
+/// The note for statements that OBJ does not define.
+const UNKNOWN: &str = "statements of unknown keyword ignored";
+
 /// Returns the note for a statement that does not define a surface.
 fn left_out(key: &str) -> &'static str {
     match key {
-        "p" => "points (p) left out",
-        "l" => "lines (l) left out",
-        "s" | "sg" => "smoothing groups (s) ignored: normals are taken as the file has them",
         "vp" | "cstype" | "deg" | "bmat" | "step" | "curv" | "curv2" | "surf" | "parm" | "trim" | "hole" | "scrv"
         | "sp" | "end" | "con" | "bsp" | "bzp" | "cdc" | "cdp" | "res" => "free-form curves and surfaces left out",
         "bevel" | "c_interp" | "d_interp" | "lod" | "maplib" | "usemap" | "shadow_obj" | "trace_obj" | "ctech"
         | "stech" | "mg" => "display attributes ignored",
         "call" | "csh" => "calls of other files (call, csh) ignored",
-        _ => "statements of unknown keyword ignored",
+        _ => UNKNOWN,
     }
 }

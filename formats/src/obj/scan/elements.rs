@@ -31,11 +31,12 @@ impl Tally {
         self.fractional |= other.fractional;
     }
 
-    /// Returns the divisor of colours: integers up to 255 are treated as bytes.
+    /// Returns the divisor of colours: integers up to 255 are treated as bytes, beyond as words of 16 bits.
     pub(super) fn full_color(&self, notes: &mut Notes) -> f32 {
         match self.brightest {
             brightest if brightest <= 1.0 => 1.0,
-            brightest if brightest <= 255.0 && !self.fractional => 255.0,
+            brightest if brightest <= 255.0 && (!self.fractional || brightest >= CERTAINLY_BYTES) => 255.0,
+            brightest if brightest <= 65_535.0 && !self.fractional => 65_535.0,
             _ => {
                 notes.add(String::new, "vertex colours above 1 are cut to 1");
                 1.0
@@ -44,6 +45,9 @@ impl Tally {
     }
 }
 
+/// A colour component that no light is that bright for, but a byte is.
+const CERTAINLY_BYTES: f32 = 16.0;
+
 /// The element statements of a block for `tobj`.
 #[derive(Debug, Default)]
 pub(super) struct Elements {
@@ -51,6 +55,10 @@ pub(super) struct Elements {
     pub(super) pieces: Vec<Piece>,
     /// Whether every position must have a colour.
     pub(super) color_all: bool,
+    /// Whether a malformed normal or texture coordinate is a fault.
+    pub(super) strict: bool,
+    /// Whether `tobj` could not parse the text, so that its numbers are checked here.
+    pub(super) check: bool,
 }
 
 /// Represents a missing colour.
@@ -62,17 +70,23 @@ type Unread = Option<&'static str>;
 impl Elements {
     /// Adds a statement; what `tobj` must not read as it is goes to `mended`. Colours and weights are parsed here,
     /// coordinates by `tobj`.
-    pub(super) fn add(&mut self, line: &Line<'_>, mended: &mut String) -> Result<Unread, String> {
-        let (key, rest) = line.text();
-        let repaired = needs_repair(rest).then(|| repaired(rest));
-        let verbatim = line.is_verbatim() && repaired.is_none();
+    pub(super) fn add(&mut self, key: &str, line: &Line<'_>, mended: &mut String) -> Result<Unread, String> {
+        let (written, rest) = line.text();
+        let repaired = needs_repair(rest).then(|| repaired(key, rest));
+        let verbatim = line.is_verbatim() && repaired.is_none() && key == written;
         let rest = repaired.as_deref().unwrap_or(rest);
         let start = mended.len();
         let mut unread = None;
         let plain = match key {
             "v" => self.position(rest, verbatim, mended, &mut unread)?,
-            "vt" => self.texcoord(rest, verbatim, mended)?,
-            _ => self.normal(rest, verbatim, mended)?,
+            _ => match self.attribute(key, rest, verbatim, mended) {
+                Err(_) if !self.strict => {
+                    unread = Some("malformed texture coordinates and normals count as missing");
+                    mended.push_str(if key == "vt" { NO_TEXCOORD } else { NO_NORMAL });
+                    false
+                }
+                done => done?,
+            },
         };
         push(
             &mut self.pieces,
@@ -81,11 +95,24 @@ impl Elements {
         Ok(unread)
     }
 
+    fn attribute(&mut self, key: &str, rest: &str, verbatim: bool, out: &mut String) -> Result<bool, String> {
+        let start = out.len();
+        let done = match key {
+            "vt" => self.texcoord(rest, verbatim, out),
+            _ => self.normal(rest, verbatim, out),
+        };
+        let checked = if self.check { done.and_then(|plain| check(key, rest).map(|()| plain)) } else { done };
+        checked.inspect_err(|_| out.truncate(start))
+    }
+
     /// Parses `x y z`, `x y z w` (divided by the weight, as `tobj` and most readers do) or `x y z r g b`. Returns
     /// whether `tobj` may read it as it is.
     fn position(&mut self, rest: &str, verbatim: bool, out: &mut String, unread: &mut Unread) -> Result<bool, String> {
         let count = word_count(rest);
         self.tally.counts[0] += 1;
+        if self.check {
+            check("v", rest)?;
+        }
         let coordinates = match count {
             0..=2 => return Err(format!("a vertex has three coordinates, this one {count}")),
             3 => Cow::Borrowed(rest),
@@ -105,9 +132,11 @@ impl Elements {
             out.push_str(NO_COLOR);
         }
         out.push('\n');
-        if count == 5 || count > 6 {
-            *unread = Some("vertices with extra numbers: only coordinates and colour are read");
-        }
+        *unread = match count {
+            7 if alpha_of(rest) < 1.0 => Some("alpha of vertex colours left out"),
+            5 | 8.. => Some("vertices with extra numbers: only coordinates and colour are read"),
+            _ => None,
+        };
         Ok(false)
     }
 
@@ -149,9 +178,18 @@ impl Elements {
     }
 }
 
+/// Represents a missing texture coordinate and a missing normal.
+const NO_TEXCOORD: &str = "vt nan nan\n";
+const NO_NORMAL: &str = "vn nan nan nan\n";
+
+/// Returns the seventh number of a position; 1 if it is malformed.
+fn alpha_of(rest: &str) -> f64 {
+    rest.split_whitespace().nth(6).and_then(|word| word.parse().ok()).unwrap_or(1.0)
+}
+
 /// Returns the elements that represent missing texture coordinates and normals; they come after all others.
 pub(super) fn missing(texcoords: bool, normals: bool) -> impl Iterator<Item = &'static str> {
-    [texcoords.then_some("vt nan nan\n"), normals.then_some("vn nan nan nan\n")].into_iter().flatten()
+    [texcoords.then_some(NO_TEXCOORD), normals.then_some(NO_NORMAL)].into_iter().flatten()
 }
 
 /// Checks that the coordinates of a statement are numbers; other statements pass.
@@ -161,7 +199,7 @@ pub(super) fn check(key: &str, rest: &str) -> Result<(), String> {
         "vt" => 2,
         _ => return Ok(()),
     };
-    let mended = repaired(rest);
+    let mended = repaired(key, rest);
     mended.split_whitespace().take(count).try_for_each(|word| number(word).map(drop))
 }
 
