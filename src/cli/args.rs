@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use raykiln_formats::{DoubleSided, ObjNormals, ObjOptions};
 
 use crate::choose::model::Class;
 use crate::choose::plans::Effort;
@@ -131,6 +132,8 @@ pub(super) struct CompareArguments {
     #[arg(long)]
     pub(super) json: bool,
     #[command(flatten)]
+    pub(super) obj: ObjArguments,
+    #[command(flatten)]
     pub(super) verify: VerifyArguments,
 }
 
@@ -202,7 +205,7 @@ pub(super) struct OptionArguments {
     /// Do not restructure nodes and meshes whose name matches GLOB, nor the nodes below them; may be repeated
     #[arg(long, value_name = "GLOB")]
     keep: Vec<String>,
-    /// Refuse files with non-finite positions instead of dropping the triangles
+    /// Refuse files with non-finite positions or damaged faces instead of dropping the triangles
     #[arg(long)]
     strict: bool,
     /// Drop empty nodes that nothing refers to
@@ -215,10 +218,88 @@ pub(super) struct OptionArguments {
     /// [default: rigid for auto, off otherwise]
     #[arg(long, value_enum, value_name = "LIKENESS")]
     copies: Option<CopiesArgument>,
+    /// Treat warnings about the input as errors: print them, write nothing and exit with status 2
+    #[arg(long)]
+    pub(super) deny_warnings: bool,
+    #[command(flatten)]
+    pub(super) obj: ObjArguments,
     #[command(flatten)]
     layout: LayoutArguments,
     #[command(flatten)]
     verify: VerifyArguments,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "OBJ options")]
+pub(super) struct ObjArguments {
+    /// Folder to search for material libraries and textures that are not beside the file; may be repeated
+    #[arg(long, value_name = "DIR")]
+    search: Vec<PathBuf>,
+    /// Which normals to write
+    #[arg(long, value_enum, value_name = "WHICH", default_value_t = NormalsArgument::Keep)]
+    normals: NormalsArgument,
+    /// Which materials to show from both sides
+    #[arg(long, value_enum, value_name = "WHICH", default_value_t = DoubleSidedArgument::Auto)]
+    double_sided: DoubleSidedArgument,
+    /// Axis of the file that points up
+    #[arg(long, value_enum, value_name = "AXIS", default_value_t = AxisArgument::Y)]
+    up_axis: AxisArgument,
+    /// Length of the file's unit in metres, such as 0.01 for centimetres
+    #[arg(long, value_name = "METRES", default_value_t = 1.0, value_parser = positive_ratio)]
+    unit: f64,
+}
+
+impl ObjArguments {
+    /// What the library needs to know.
+    pub(super) fn options(&self) -> ObjOptions {
+        let mut options = ObjOptions::default().with_search(self.search.clone());
+        options.normals = match self.normals {
+            NormalsArgument::Keep => ObjNormals::Keep,
+            NormalsArgument::Generate => ObjNormals::Generate,
+            NormalsArgument::None => ObjNormals::None,
+        };
+        options.double_sided = match self.double_sided {
+            DoubleSidedArgument::Auto => DoubleSided::Auto,
+            DoubleSidedArgument::Always => DoubleSided::Always,
+            DoubleSidedArgument::Never => DoubleSided::Never,
+        };
+        options.z_up = matches!(self.up_axis, AxisArgument::Z);
+        options.unit = (self.unit != 1.0).then_some(self.unit);
+        options
+    }
+
+    /// What the library needs to know to load a scene.
+    pub(super) fn load(&self) -> LoadOptions {
+        LoadOptions { obj: self.options(), ..LoadOptions::default() }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum NormalsArgument {
+    /// Those of the file; faces of smoothing groups that lack normals get generated ones
+    Keep,
+    /// Generated for all faces
+    Generate,
+    /// None
+    None,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum DoubleSidedArgument {
+    /// Materials of surfaces that are not closed
+    Auto,
+    /// All
+    Always,
+    /// None
+    Never,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum AxisArgument {
+    /// y, as in glTF
+    Y,
+    /// z, as in CAD and Blender
+    Z,
 }
 
 #[derive(Debug, Args)]
@@ -419,13 +500,15 @@ pub(super) struct InspectArguments {
     /// Print JSON instead of text
     #[arg(long)]
     pub(super) json: bool,
-    /// Refuse files with non-finite positions instead of dropping the triangles
+    /// Refuse files with non-finite positions or damaged faces instead of dropping the triangles
     #[arg(long)]
     pub(super) strict: bool,
     /// Exit with status 1 on a finding of this rule (such as RK006), or of this severity (note, warning, error) or a
     /// higher one; may be repeated
     #[arg(long, value_name = "RULE|SEVERITY")]
     pub(super) fail_on: Vec<FailOn>,
+    #[command(flatten)]
+    pub(super) obj: ObjArguments,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -526,7 +609,7 @@ impl OptionArguments {
                 ranking_rays: None,
             },
             copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),
-            load: LoadOptions { strict: self.strict, keep: self.keep.clone() },
+            load: LoadOptions { strict: self.strict, keep: self.keep.clone(), obj: self.obj.options() },
             prune: self.prune,
             copy_instances: self.instancing == InstancingArgument::Extension,
             verify: self.verify.options(),

@@ -103,6 +103,9 @@ impl<'a> Files<'a> {
         quiet: bool,
     ) -> Result<ExitCode> {
         let text = |name: &str| done.reports.get(name).map_or("", String::as_str);
+        if arguments.deny_warnings {
+            deny_warnings(&arguments.input, text(JSON))?;
+        }
         let reports = self.reports.stage(|format| Cow::from(text(format.extension())))?;
         let plan = done.scene.as_ref().map(|_| self.plans.stage(|_| text(PLAN).into())).transpose()?;
         let depfile = match &done.scene {
@@ -129,6 +132,21 @@ impl<'a> Files<'a> {
             None => ExitCode::SUCCESS,
         })
     }
+}
+
+/// Prints the warnings of a report.
+///
+/// # Errors
+/// Fails if there are any.
+fn deny_warnings(input: &Path, json: &str) -> Result<()> {
+    let report: serde_json::Value = serde_json::from_str(json)?;
+    let warnings = report["warnings"].as_array().map_or(&[][..], Vec::as_slice);
+    for warning in warnings.iter().filter_map(serde_json::Value::as_str) {
+        print_for_people(&format!("warning: {warning}\n"));
+    }
+    let count = report::words::counted(warnings.len(), "warning");
+    ensure!(warnings.is_empty(), "{}: {count} (--deny-warnings)", input.display());
+    Ok(())
 }
 
 /// The name of the plan among the reports.
@@ -227,7 +245,7 @@ fn depfile(arguments: &BakeArguments, cache: Option<&cached::Cached<'_>>) -> Res
     }
     let outline = match cache {
         Some(cache) => cache.outline.clone(),
-        None => raykiln_formats::outline(&arguments.input)?,
+        None => raykiln_formats::outline_with(&arguments.input, &arguments.obj.options())?,
     };
     let files = outline.files.iter().filter(|file| file.is_file());
     let inputs = [&arguments.input].into_iter().chain(files).chain(&arguments.plan);

@@ -83,5 +83,6 @@ fn decides<'a>(
     reports: &'a [&'a str],
 ) -> Decides<'a> {
     let plan = arguments.plan.as_deref();
-    Decides { input: &arguments.input, output: &arguments.output, options, device, plan, reports }
+    let obj = arguments.obj.options();
+    Decides { input: &arguments.input, output: &arguments.output, options, obj, device, plan, reports }
 }

@@ -101,8 +101,14 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     progress.enter("verifying");
     let by = arguments.match_by.into();
     let options = arguments.verify.options();
-    let compared =
-        verify::compare_and_show(&arguments.before, &arguments.after, by, &options, reports.have(Format::Page));
+    let compared = verify::compare_and_show(
+        &arguments.before,
+        &arguments.after,
+        by,
+        &options,
+        &arguments.obj.load(),
+        reports.have(Format::Page),
+    );
     progress.finish();
     let (report, shown) = compared?;
     let json = report::json::to_json(&report);
@@ -129,7 +135,7 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     let reports = Reports::check_with_findings(&arguments.report, &[&arguments.input])?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
-    let load = LoadOptions { strict: arguments.strict, keep: Vec::new() };
+    let load = LoadOptions { strict: arguments.strict, ..arguments.obj.load() };
     let inspected = inspect::inspect_and_show(arguments.input.as_path().into(), &load, reports.have(Format::Page));
     progress.finish();
     let (report, shown) = inspected?;

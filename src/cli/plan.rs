@@ -28,6 +28,7 @@ const NOT_PLANNED: [&str; 17] = [
     "cache_size",
     "device",
     "threads",
+    "deny_warnings",
     "quiet",
     "verbose",
     "help",

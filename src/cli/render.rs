@@ -9,7 +9,7 @@ use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 use raykiln_formats::staging::{Folder, Hold};
 
-use super::args::Output;
+use super::args::{ObjArguments, Output};
 use super::progress::Progress;
 use super::{print, print_for_people};
 use crate::commands::render::{Rendered, Stage, difference, render};
@@ -72,6 +72,8 @@ pub(super) struct RenderArguments {
     /// Print what was measured as JSON on standard output
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    obj: ObjArguments,
 }
 
 /// A view of one scene, or the one that compares two.
@@ -160,6 +162,7 @@ impl RenderArguments {
                 boxes: shows(MaskArgument::Boxes),
                 instances: shows(MaskArgument::Instances),
             },
+            load: self.obj.load(),
         }
     }
 

@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use raykiln_formats::document::{self, Staged};
-use raykiln_formats::{Error, Outline};
+use raykiln_formats::{Error, ObjOptions, Outline};
 
 use crate::cache::{Key, KeyBuilder, Part, Store};
 use crate::choose::Choice;
@@ -44,6 +44,8 @@ pub struct Decides<'a> {
     pub output: &'a Path,
     /// Every option that decides what is written, by its long name, with its values.
     pub options: &'a BTreeMap<String, Vec<String>>,
+    /// How an OBJ file is read: where its files are sought.
+    pub obj: ObjOptions,
     /// The device that decides, see [`deciding_device`].
     pub device: &'a str,
     /// The plan that is followed, if any.
@@ -91,7 +93,7 @@ impl Decides<'_> {
     /// # Errors
     /// Fails if the scene's file cannot be read.
     pub fn key(&self) -> Result<(Key, Outline), Error> {
-        let outline = raykiln_formats::outline(self.input)?;
+        let outline = raykiln_formats::outline_with(self.input, &self.obj)?;
         let mut key = KeyBuilder::default();
         PROGRAM.iter().for_each(|part| _ = key.add(part));
         key.add(self.device);

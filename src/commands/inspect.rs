@@ -32,7 +32,7 @@ pub fn inspect_and_show(
     options: &LoadOptions,
     show: bool,
 ) -> Result<(InspectReport, Option<Shown>), raykiln_formats::Error> {
-    let doc = source.read()?;
+    let doc = source.read(options)?;
     let (scene, warnings) = scene::load(&doc, options)?;
     let trees = MeshTrees::build(&scene);
     let before = measure_with(&scene, &trees, BlasPer::Mesh);

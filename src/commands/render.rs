@@ -56,7 +56,7 @@ pub fn render(
     options.check(view)?;
     let machine = Machine::open(device)?;
     enter(Stage::Read);
-    let read = Read::of(source)?;
+    let read = Read::of(source, &options.load)?;
     enter(Stage::Build);
     let renderer = Renderer::new(&read.doc, &read.scene)?;
     let camera = renderer.camera(camera).map_err(RenderError::from)?;
@@ -84,7 +84,7 @@ pub fn difference(
     options.check(View::Shaded)?;
     let machine = Machine::open(device)?;
     enter(Stage::Read);
-    let (before, after) = (Read::of(before)?, Read::of(after)?);
+    let (before, after) = (Read::of(before, &options.load)?, Read::of(after, &options.load)?);
     enter(Stage::Build);
     let renderers = [Renderer::new(&before.doc, &before.scene)?, Renderer::new(&after.doc, &after.scene)?];
     let camera = renderers[0].camera(camera).map_err(RenderError::from)?;
@@ -137,9 +137,9 @@ struct Read {
 }
 
 impl Read {
-    fn of(source: Source) -> Result<Read, CommandError> {
-        let doc = source.read()?;
-        let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
+    fn of(source: Source, load: &LoadOptions) -> Result<Read, CommandError> {
+        let doc = source.read(load)?;
+        let (scene, warnings) = scene::load(&doc, load)?;
         scene.check().map_err(|e| CommandError::Internal(e.0))?;
         Ok(Read { doc, scene, warnings })
     }

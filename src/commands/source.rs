@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use raykiln_formats::{Document, Error};
 
+use crate::scene::LoadOptions;
+
 /// Where a scene is read from.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -24,10 +26,10 @@ impl Source {
     ///
     /// # Errors
     /// Like [`raykiln_formats::read`] and [`raykiln_formats::read_bytes`].
-    pub fn read(self) -> Result<Document, Error> {
+    pub fn read(self, options: &LoadOptions) -> Result<Document, Error> {
         match self {
-            Source::File(path) => raykiln_formats::read(&path),
-            Source::Bytes { name, bytes } => raykiln_formats::read_bytes(name, bytes),
+            Source::File(path) => raykiln_formats::read_with(&path, &options.reading()),
+            Source::Bytes { name, bytes } => raykiln_formats::read_bytes_with(name, bytes, &options.reading()),
         }
     }
 }

@@ -35,7 +35,7 @@ pub fn compare(
     by: MatchBy,
     options: &VerifyOptions,
 ) -> Result<VerifyReport, CommandError> {
-    compare_and_show(before, after, by, options, false).map(|(report, _)| report)
+    compare_and_show(before, after, by, options, &LoadOptions::default(), false).map(|(report, _)| report)
 }
 
 /// Like [`compare`]; also gathers what a page shows of the scenes, if asked for.
@@ -47,12 +47,14 @@ pub fn compare_and_show(
     after: &Path,
     by: MatchBy,
     options: &VerifyOptions,
+    reading: &LoadOptions,
     show: bool,
 ) -> Result<(VerifyReport, Option<Shown>), CommandError> {
     let start = Instant::now();
     let machine = Machine::open(&options.device)?;
-    let Loaded { doc: doc_before, scene: scene_before, warnings: warnings_before, hash } = load(before)?;
-    let Loaded { doc: doc_after, scene: scene_after, warnings: warnings_after, hash: hash_after } = load(after)?;
+    let Loaded { doc: doc_before, scene: scene_before, warnings: warnings_before, hash } = load(before, reading)?;
+    let Loaded { doc: doc_after, scene: scene_after, warnings: warnings_after, hash: hash_after } =
+        load(after, reading)?;
     let matching = by.choose();
     let is_same = hash == hash_after;
     let options = if is_same { options.untimed() } else { options.clone() };
@@ -91,7 +93,8 @@ pub fn compare_and_show(
     };
     let shown = show.then(|| -> Result<Shown, CommandError> {
         // They were dropped, as tracing needs the memory.
-        let (doc_before, doc_after) = (raykiln_formats::read(before)?, raykiln_formats::read(after)?);
+        let read = |path| raykiln_formats::read_with(path, &reading.reading());
+        let (doc_before, doc_after) = (read(before)?, read(after)?);
         let shown = Shown::of_both(&scene_before, &scene_after);
         let after = (&doc_after, &scene_after, &trees_after);
         Ok(shown.with_pictures((&doc_before, &scene_before, &trees_before), Some(after)))
@@ -111,12 +114,12 @@ struct Loaded {
 /// Reads a file as a document and a scene, with warnings about what the reader repaired or omitted.
 #[cfg(feature = "lab")]
 pub(crate) fn read_document(path: &Path) -> Result<(Document, Scene, Vec<String>), CommandError> {
-    load(path).map(|loaded| (loaded.doc, loaded.scene, loaded.warnings))
+    load(path, &LoadOptions::default()).map(|loaded| (loaded.doc, loaded.scene, loaded.warnings))
 }
 
-fn load(path: &Path) -> Result<Loaded, CommandError> {
-    let doc = raykiln_formats::read(path)?;
-    let (scene, warnings) = scene::load(&doc, &LoadOptions::default())?;
+fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, CommandError> {
+    let doc = raykiln_formats::read_with(path, &options.reading())?;
+    let (scene, warnings) = scene::load(&doc, options)?;
     scene.check().map_err(|e| CommandError::Internal(e.0))?;
     let words = doc.warnings.iter().chain(&warnings).map(|w| format!("{}: {w}", path.display())).collect();
     Ok(Loaded { hash: fingerprint::of_document(&doc), doc, scene, warnings: words })

@@ -1,6 +1,7 @@
 //! [`RenderOptions`].
 
 use super::{ColourMap, Masks, RenderError, View};
+use crate::scene::LoadOptions;
 
 /// Largest width or height of a picture, in pixels.
 pub const MOST_SIDE: u32 = 16_384;
@@ -27,6 +28,8 @@ pub struct RenderOptions {
     pub depth: Option<u32>,
     /// Boxes: what is visible.
     pub masks: Masks,
+    /// How the files are read.
+    pub load: LoadOptions,
 }
 
 impl Default for RenderOptions {
@@ -39,6 +42,7 @@ impl Default for RenderOptions {
             scale: None,
             depth: None,
             masks: Masks::default(),
+            load: LoadOptions::default(),
         }
     }
 }

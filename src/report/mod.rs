@@ -13,6 +13,7 @@ pub mod json;
 mod motion;
 pub(crate) mod notes;
 mod passes;
+mod paths;
 pub mod plan;
 mod precision;
 pub mod render;
@@ -61,6 +62,7 @@ pub struct BakeReport {
     /// What was read.
     pub input: Input,
     /// The output file.
+    #[serde(serialize_with = "paths::serialize")]
     pub output: PathBuf,
     /// Options of the bake.
     pub options: ReportedOptions,
@@ -111,6 +113,7 @@ pub struct BakeReport {
 #[non_exhaustive]
 pub struct Input {
     /// The file.
+    #[serde(serialize_with = "paths::serialize")]
     pub path: PathBuf,
     /// Its size with its buffers, without images in files of their own; `None` if the file cannot be looked at again.
     pub bytes: Option<u64>,
@@ -235,6 +238,7 @@ pub struct VerifyReport {
     /// The reference file.
     pub input: Input,
     /// The file that was verified.
+    #[serde(serialize_with = "paths::serialize")]
     pub output: PathBuf,
     /// Its size, as [`Input::bytes`].
     pub output_bytes: Option<u64>,

@@ -47,6 +47,7 @@ pub struct PlanFile {
 #[non_exhaustive]
 pub struct PlannedFile {
     /// Where it was; it may be elsewhere.
+    #[serde(serialize_with = "super::paths::serialize")]
     pub path: PathBuf,
     /// Hash of the file and of what was read from it.
     pub blake3: String,

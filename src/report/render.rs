@@ -18,8 +18,10 @@ pub struct RenderReport {
     /// The version of the program.
     pub raykiln_version: &'static str,
     /// The file that is shown.
+    #[serde(serialize_with = "super::paths::serialize")]
     pub input: PathBuf,
     /// The file that it is compared with.
+    #[serde(serialize_with = "super::paths::serialize_some")]
     pub after: Option<PathBuf>,
     /// What is shown.
     pub view: &'static str,

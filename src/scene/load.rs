@@ -6,19 +6,28 @@ use std::sync::Arc;
 use glam::{DAffine3, Vec3};
 use globset::{Glob, GlobSet, GlobSetBuilder};
 use raykiln_formats::contents::{self, Contents};
-use raykiln_formats::{Document, Error, ReadOptions, Warning};
+use raykiln_formats::{Document, Error, ObjOptions, ReadOptions, Warning};
 
 use super::alpha;
 use super::{Geometry, Instance, Known, Mesh, MeshId, Pinned, PlacedCamera, Scene};
 
 /// How to read a scene.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct LoadOptions {
-    /// Reject non-finite positions, which are otherwise dropped with a warning.
+    /// Reject non-finite positions and damaged faces, which are otherwise dropped with a warning.
     pub strict: bool,
     /// Glob patterns of node and mesh names: matching nodes, and all nodes below them, are pinned.
     pub keep: Vec<String>,
+    /// How an OBJ file is read.
+    pub obj: ObjOptions,
+}
+
+impl LoadOptions {
+    /// Options for reading the document.
+    pub fn reading(&self) -> ObjOptions {
+        self.obj.clone().with_strict(self.strict || self.obj.strict)
+    }
 }
 
 /// Loads what a ray tracer sees of the document's default scene. Also returns warnings about patterns that match

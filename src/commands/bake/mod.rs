@@ -138,7 +138,7 @@ pub fn bake(
     let machine = Machine::open(&options.verify.device)?;
     clock.enter(Stage::Read);
     let source = options.show.then(|| input.clone());
-    let (doc, input_hash) = read(input, &options.plan)?;
+    let (doc, input_hash) = read(input, options)?;
     let (scene, scene_warnings) = scene::load(&doc, &options.load)?;
     scene.check().map_err(|e| CommandError::Internal(e.0))?;
 
@@ -168,7 +168,7 @@ pub fn bake(
     let input = Input::of(path, bytes, &scene);
     let shown = source.map(|source| {
         clock.enter(Stage::Show);
-        tried.shown(source, (&scene, &trees), output)
+        tried.shown(source.read(&options.load)?, (&scene, &trees), output)
     });
     let shown = shown.transpose()?;
     let of_input = OfInput { before, findings, motion };
@@ -256,13 +256,13 @@ impl Done<'_> {
 }
 
 /// Reads the input, and hashes it if a plan is written or followed.
-fn read(input: Source, plan: &PlanUse) -> Result<(Document, Option<String>), CommandError> {
-    if *plan == PlanUse::Neither {
-        return Ok((input.read()?, None));
+fn read(input: Source, options: &BakeOptions) -> Result<(Document, Option<String>), CommandError> {
+    if options.plan == PlanUse::Neither {
+        return Ok((input.read(&options.load)?, None));
     }
-    let doc = input.clone().read()?;
+    let doc = input.clone().read(&options.load)?;
     let found = fingerprint::of_source(&input, &doc)?.to_string();
-    match plan {
+    match &options.plan {
         PlanUse::Follow(Hashes { input, .. }) if *input != found => {
             Err(PlanError::Input { planned: input.clone(), found }.into())
         }
@@ -320,11 +320,10 @@ impl Tried {
     /// Gathers what a page shows. The documents, which have the textures, are read again, as tracing needed their memory.
     fn shown(
         &self,
-        source: Source,
+        doc: Document,
         (scene, trees): (&Scene, &MeshTrees),
         output: &Path,
     ) -> Result<Shown, raykiln_formats::Error> {
-        let doc = source.read()?;
         if self.written.unchanged {
             return Ok(Shown::of(scene).with_pictures((&doc, scene, trees), None));
         }
