@@ -103,7 +103,7 @@ impl<'a> Files<'a> {
         quiet: bool,
     ) -> Result<ExitCode> {
         let text = |name: &str| done.reports.get(name).map_or("", String::as_str);
-        if arguments.deny_warnings {
+        if arguments.options.deny_warnings {
             deny_warnings(&arguments.input, text(JSON))?;
         }
         let reports = self.reports.stage(|format| Cow::from(text(format.extension())))?;
@@ -245,7 +245,7 @@ fn depfile(arguments: &BakeArguments, cache: Option<&cached::Cached<'_>>) -> Res
     }
     let outline = match cache {
         Some(cache) => cache.outline.clone(),
-        None => raykiln_formats::outline_with(&arguments.input, &arguments.obj.options())?,
+        None => raykiln_formats::outline_with(&arguments.input, &arguments.options.obj.options())?,
     };
     let files = outline.files.iter().filter(|file| file.is_file());
     let inputs = [&arguments.input].into_iter().chain(files).chain(&arguments.plan);

@@ -83,6 +83,6 @@ fn decides<'a>(
     reports: &'a [&'a str],
 ) -> Decides<'a> {
     let plan = arguments.plan.as_deref();
-    let obj = arguments.obj.options();
+    let obj = arguments.options.obj.options();
     Decides { input: &arguments.input, output: &arguments.output, options, obj, device, plan, reports }
 }

@@ -117,7 +117,7 @@ impl Libraries {
             }
             match self.definitions.entry(written) {
                 Entry::Vacant(free) => {
-                    drop(free.insert(Definition { values, statements, folder: folder.clone(), opacity }))
+                    _ = free.insert(Definition { values, statements, folder: folder.clone(), opacity });
                 }
                 Entry::Occupied(first) => {
                     let message = format!("material `{}` defined again: the first definition counts", first.key());
