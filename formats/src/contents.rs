@@ -46,12 +46,36 @@ pub struct Node {
     pub animated: bool,
     /// Whether a scene other than the default one shows this node.
     pub in_other_scene: bool,
-    /// Unknown extensions of the node, because of which it must stay as it is.
-    pub unknown_extensions: Vec<String>,
+    /// Why the node, with all nodes below it, must keep its mesh and its place, besides animations, skins and scenes.
+    pub hold: Option<Hold>,
+    /// Whether the node is not shown, with all nodes below it: it is hidden (`KHR_node_visibility`), or a lower level of
+    /// detail of another (`MSFT_lod`).
+    pub hidden: bool,
     /// The input node that this node represents, if an earlier bake recorded it.
     pub source: Option<NodeSource>,
     /// The input node that each copy represents, if an earlier bake merged several nodes into one; otherwise empty.
     pub copy_sources: Vec<NodeSource>,
+}
+
+/// Why a node or mesh must stay as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Hold {
+    /// The node has an extension that says something of its triangles, or that is not known.
+    Extension,
+    /// An extension refers to it by number or pointer, or may do so.
+    Referred,
+    /// The node is a joint of a skin, which applications move.
+    Joint,
+    /// The node has a camera or a light, with which applications move it.
+    Attached,
+    /// An extension of the mesh would be lost.
+    MeshExtension,
+    /// A primitive has an extension with data in the order of its triangles or vertices, or one that is not known.
+    Order,
+    /// A primitive has matrices as vertex attributes.
+    Matrix,
+    /// The extras of a node or primitive leave no room to record what becomes of it.
+    NoRoom,
 }
 
 /// `extras.raykiln.source` of an output node: `{"node": n}`, or `{"node": n, "mesh": m, "runs": accessor}` for a node
@@ -134,6 +158,8 @@ pub struct Mesh {
     pub name: Option<String>,
     /// Its primitives, in file order.
     pub primitives: Vec<Primitive>,
+    /// Why the mesh must stay whole.
+    pub hold: Option<Hold>,
 }
 
 /// A glTF primitive.
@@ -145,6 +171,9 @@ pub struct Primitive {
     pub triangles: Option<Triangles>,
     /// Whether it has morph targets.
     pub morphed: bool,
+    /// Whether its material, or one that a variant gives it, has lengths in the coordinates of the mesh, such as the
+    /// thickness of glass: they change their meaning if a scale is written out.
+    pub in_mesh_units: bool,
     /// Primitives with equal keys (and equal materials) may be joined into one: they have the same vertex attributes of
     /// the same types (positions, normals and tangents count as 32-bit floats), extensions and extras.
     pub merge_key: String,

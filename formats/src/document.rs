@@ -133,7 +133,7 @@ impl Component {
 pub struct Element {
     /// Component type.
     pub component: Component,
-    /// Number of components per element: 1 (SCALAR), 2, 3 or 4 (VECn). Vertex attributes have no matrices.
+    /// Number of components per element: 1 (SCALAR), 2, 3 or 4 (VECn). Matrices have 4, 9 or 16.
     pub components: usize,
     /// Whether integers represent the range 0..1 or -1..1.
     pub normalized: bool,

@@ -1,5 +1,5 @@
 //! The names of all glTF extensions that are known here, each spelled once. What is known of them stands in
-//! `gltf/extensions.rs`.
+//! `gltf/references/table.rs`.
 
 pub(crate) const ADOBE_MATERIALS_CLEARCOAT_SPECULAR: &str = "ADOBE_materials_clearcoat_specular";
 pub(crate) const ADOBE_MATERIALS_THIN_TRANSPARENCY: &str = "ADOBE_materials_thin_transparency";
@@ -37,6 +37,3 @@ pub(crate) const MSFT_PACKING_NORMAL_ROUGHNESS_METALLIC: &str = "MSFT_packing_no
 pub(crate) const MSFT_PACKING_OCCLUSION_ROUGHNESS_METALLIC: &str = "MSFT_packing_occlusionRoughnessMetallic";
 pub(crate) const MSFT_SCREENCOVERAGE: &str = "MSFT_screencoverage";
 pub(crate) const MSFT_TEXTURE_DDS: &str = "MSFT_texture_dds";
-
-/// What the names of all extensions of materials by Khronos begin with.
-pub(crate) const KHR_MATERIALS: &str = "KHR_materials_";

@@ -137,6 +137,13 @@ pub fn read_with(path: &Path, options: &ObjOptions) -> Result<Document, Error> {
     if obj::is_obj(path) { obj::read(path, options) } else { gltf::read::read(path) }
 }
 
+/// Returns the names of the glTF extensions that are known, as the table `gltf/references/table.rs` lists them; one that
+/// ends in `*` stands for all that begin like it. Required extensions that are not known are refused; others are carried
+/// through, and what they may refer to is left as it is.
+pub fn known_extensions() -> impl Iterator<Item = &'static str> {
+    gltf::references::table::names()
+}
+
 /// Reads the bytes of an OBJ, glTF or GLB file, distinguished by content and by the extension of `name`, which errors
 /// report as the file. No file is read: the bytes must include buffers and images (GLB, data URIs); MTL files of an
 /// OBJ count as missing, which causes a warning.

@@ -130,11 +130,12 @@ impl Batches {
     }
 }
 
-/// A group, and the triangle order of its copies.
-type Alike<'a> = (u32, Option<&'a [[u32; 2]]>);
+/// A group, whether its copies are mirrored, and their triangle order.
+type Alike<'a> = (u32, bool, Option<&'a [[u32; 2]]>);
 
 /// Returns groups with at least two placements that may become copies of one node. Copies whose triangles are in a
-/// different order than their model's are grouped separately, because a node has only one record of an order.
+/// different order than their model's are grouped separately, because a node has only one record of an order; so are
+/// mirrored ones, because no graphics interface turns the winding of some instances of a draw.
 fn candidates(document: &Document, scene: &Scene, layout: &Layout) -> Vec<(u32, Vec<usize>)> {
     let mut lists: BTreeMap<Alike, Vec<usize>> = BTreeMap::new();
     for (at, placement) in layout.placements.iter().enumerate() {
@@ -142,9 +143,10 @@ fn candidates(document: &Document, scene: &Scene, layout: &Layout) -> Vec<(u32, 
         let may_move = |&i: &InstanceId| may_move(document, scene, i) && !(has_more(document, scene, content));
         let Some(instance) = placement.instance.filter(may_move) else { continue };
         let order = scene.stand_in(instance).and_then(|s| s.order.as_ref()).map(|order| order.runs());
-        lists.entry((placement.group, order)).or_default().push(at);
+        let is_mirrored = placement.transform.matrix3.determinant() < 0.0;
+        lists.entry((placement.group, is_mirrored, order)).or_default().push(at);
     }
-    lists.into_iter().filter(|(_, list)| list.len() > 1).map(|((group, _), list)| (group, list)).collect()
+    lists.into_iter().filter(|(_, list)| list.len() > 1).map(|((group, ..), list)| (group, list)).collect()
 }
 
 /// Whether the node of an instance can do without its mesh.

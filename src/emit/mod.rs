@@ -22,6 +22,8 @@ mod precision;
 mod tests;
 #[cfg(test)]
 mod tests_of_copies;
+#[cfg(test)]
+mod tests_of_extensions;
 
 pub use instancing::{Copied, Instancing};
 pub use precision::{Refuse, Settled, settle};

@@ -60,13 +60,13 @@ fn instances_become_copies_of_a_node_and_their_nodes_stay() {
     let mut doc = doc;
     doc.json["scenes"][0]["nodes"] = json!([0, 1, 2]);
     let (emitted, after) = copied(&doc, kept);
-    assert_eq!(emitted.copied, Copied { nodes: 1, copies: 4, stay: 0 });
+    assert_eq!(emitted.copied, Copied { nodes: 2, copies: 4, stay: 0 }, "mirrored ones have a node of their own");
     let json = &emitted.document.json;
-    assert_eq!(json["nodes"].as_array().map(Vec::len), Some(5));
-    for (i, name) in ["left", "mirrored", "turned", "child"].into_iter().enumerate() {
+    assert_eq!(json["nodes"].as_array().map(Vec::len), Some(6));
+    for (i, (name, copies)) in [("left", 4), ("mirrored", 5), ("turned", 4), ("child", 5)].into_iter().enumerate() {
         let node = &json["nodes"][i];
         assert_eq!((node["name"].as_str(), node.get("mesh")), (Some(name), None));
-        assert_eq!(node["extras"]["raykiln"]["moved_to"], json!([4]));
+        assert_eq!(node["extras"]["raykiln"]["moved_to"], json!([copies]));
         assert_eq!(node["extras"]["raykiln"]["mesh"], json!({"name": "quad", "extras": {"owner": "me"}}));
     }
     assert_eq!(json["nodes"][0]["extras"]["user"], 1);
@@ -236,11 +236,8 @@ fn pieces_in_frames_are_nodes_that_undo_them_or_copies() {
     assert!(nodes.document.json["nodes"][3]["matrix"].is_array(), "the node below undoes the frame");
     assert!(nodes.position_error > 0.0 && nodes.position_error < 1e-6);
     let (emitted, after) = copied(&doc, turned);
-    assert_eq!(
-        emitted.copied,
-        Copied { nodes: 2, copies: 4, stay: 2 },
-        "a frame shears what is stretched along one axis"
-    );
+    // The mirrored instance stays a node: none other is mirrored, and a frame shears what is stretched along one axis.
+    assert_eq!(emitted.copied, Copied { nodes: 2, copies: 4, stay: 0 });
     assert_eq!(after.instances.len(), 6);
     for (a, b) in shown(&scene).iter().zip(shown(&after)) {
         assert!(a.0 == b.0 && a.1.iter().all(|p| b.1.iter().any(|q| p.distance(*q) < 1e-5)));

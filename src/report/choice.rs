@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use super::words::{counted, grouped, instances_stay};
 use crate::choose::{Excess, GroupCause, Note, Origin, Outcome, Why};
 use crate::methods::Method;
-use crate::scene::Pinned;
+use crate::scene::{Hold, Pinned};
 
 /// States that the input stays although it exceeds the bounds.
 const INPUT_STAYS: &str = "no candidate keeps to all that is allowed, and the input stays";
@@ -224,9 +224,23 @@ fn words_of(pinned: Pinned) -> &'static str {
         Pinned::Morphed => "it has morph targets",
         Pinned::Protected => "--keep protects it",
         Pinned::OtherScene => "another scene of the file shows it too",
-        Pinned::UnknownExtension => "it has an extension that is not known",
+        Pinned::Held(hold) => words_of_hold(hold),
+        Pinned::MeshUnits => "its material has a thickness in units of the mesh, which its transform scales",
         Pinned::Singular => "its transform is singular",
         Pinned::Precision => "written out, its vertices would move too far",
         Pinned::Seam => "an instance that stays continues its surface",
+    }
+}
+
+fn words_of_hold(hold: Hold) -> &'static str {
+    match hold {
+        Hold::Extension => "it has an extension that holds for it as it is, or that is not known",
+        Hold::Referred => "an extension refers to it",
+        Hold::Joint => "it hangs on a joint of a skin",
+        Hold::Attached => "it hangs on a camera or a light",
+        Hold::MeshExtension => "its mesh has an extension that would be lost",
+        Hold::Order => "an extension has data in the order of its triangles or vertices, or is not known",
+        Hold::Matrix => "its vertices have matrices",
+        Hold::NoRoom => "its extras leave no room to record where its triangles would be",
     }
 }

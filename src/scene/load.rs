@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, DMat3, Vec3};
 use globset::{Glob, GlobSet, GlobSetBuilder};
 use raykiln_formats::contents::{self, Contents};
 use raykiln_formats::{Document, Error, ObjOptions, ReadOptions, Warning};
@@ -93,13 +93,16 @@ struct Shown {
     pinned: Option<Pinned>,
 }
 
-/// Returns the nodes of the default scene in depth-first order, children in file order.
+/// Returns the nodes that the default scene shows, in depth-first order, children in file order.
 fn walk(contents: &Contents, keep: &GlobSet) -> Vec<Shown> {
     let mut shown = Vec::with_capacity(contents.nodes.len());
     let mut stack: Vec<(usize, DAffine3, Option<Pinned>)> =
         contents.roots.iter().rev().map(|&root| (root, DAffine3::IDENTITY, None)).collect();
     while let Some((at, parent, inherited)) = stack.pop() {
         let node = &contents.nodes[at];
+        if node.hidden {
+            continue;
+        }
         let transform = parent * node.local;
         let pinned = inherited.or_else(|| node_pin(contents, node, keep));
         stack.extend(node.children.iter().rev().map(|&child| (child, transform, pinned)));
@@ -116,10 +119,8 @@ fn node_pin(contents: &Contents, node: &contents::Node, keep: &GlobSet) -> Optio
         Some(Pinned::Protected)
     } else if node.animated {
         Some(Pinned::Animated)
-    } else if !node.unknown_extensions.is_empty() {
-        Some(Pinned::UnknownExtension)
     } else {
-        None
+        node.hold.map(Pinned::Held)
     }
 }
 
@@ -132,7 +133,7 @@ fn instance_pin(contents: &Contents, node: &contents::Node, mesh: usize) -> Opti
     } else if node.in_other_scene {
         Some(Pinned::OtherScene)
     } else {
-        None
+        contents.meshes[mesh].hold.map(Pinned::Held)
     }
 }
 
@@ -204,6 +205,7 @@ fn instances(
         let node = &contents.nodes[s.node];
         let Some((source, mesh)) = node.mesh.and_then(|m| Some((m, mesh_ids[m]?))) else { continue };
         let name = node.name.as_ref().unwrap_or(&meshes[mesh.0 as usize].name);
+        let in_mesh_units = contents.meshes[source].primitives.iter().any(|p| p.in_mesh_units);
         let alone = [DAffine3::IDENTITY];
         for (copy, local) in node.copies.as_deref().unwrap_or(&alone).iter().enumerate() {
             let transform = s.transform * *local;
@@ -212,6 +214,7 @@ fn instances(
                 return Err(Error::at(&doc.path, place, "the transform into the world overflows"));
             }
             let singular = is_singular(&transform).then_some(Pinned::Singular);
+            let scaled = (in_mesh_units && !is_rigid(&transform)).then_some(Pinned::MeshUnits);
             let own_source = node.copy_sources.get(copy);
             let source_of = own_source.or(node.source.as_ref());
             instances.push(Instance {
@@ -223,11 +226,17 @@ fn instances(
                 source_index: if own_source.is_some() { 0 } else { copy as u32 },
                 mesh,
                 transform,
-                pinned: s.pinned.or_else(|| instance_pin(contents, node, source)).or(singular),
+                pinned: s.pinned.or_else(|| instance_pin(contents, node, source)).or(singular).or(scaled),
             });
         }
     }
     Ok(instances)
+}
+
+/// Whether a transform preserves lengths, but for what single precision rounds.
+fn is_rigid(transform: &DAffine3) -> bool {
+    let m = transform.matrix3;
+    (m.transpose() * m).abs_diff_eq(DMat3::IDENTITY, 1e-6)
 }
 
 /// Whether a device, which inverts the transform in single precision, cannot trace into the instance: the axes span no

@@ -30,7 +30,7 @@ pub(crate) use reading::most_stretch;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
-pub use raykiln_formats::contents::{Camera, CopyOf, Opacity, Source, TriangleOrder};
+pub use raykiln_formats::contents::{Camera, CopyOf, Hold, Opacity, Source, TriangleOrder};
 pub use scene_core::Core;
 pub use stand_in::{Origin, StandIn};
 
@@ -161,8 +161,10 @@ pub enum Pinned {
     Protected,
     /// Another scene of the file also shows its node.
     OtherScene,
-    /// Its node or an ancestor has an extension whose meaning is unknown.
-    UnknownExtension,
+    /// Something refers to it or hangs on it that would lose its meaning.
+    Held(Hold),
+    /// Its material has lengths in the coordinates of the mesh, which its transform scales.
+    MeshUnits,
     /// Its transform is singular, so that no ray can enter it.
     Singular,
     /// Writing its triangles out would exceed the maximum position error.

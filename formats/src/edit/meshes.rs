@@ -8,10 +8,10 @@ use super::NewAccessor;
 use super::record::raykiln_extras;
 use crate::Document;
 use crate::contents::Source;
-use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 use crate::gltf::accessor::Accessor;
 use crate::gltf::edit::{push, remove_key};
 use crate::gltf::json::unsigned;
+use crate::gltf::references::table::compresses;
 
 /// A primitive of triangles to be written, see [`Document::add_mesh`].
 #[derive(Clone, Debug)]
@@ -125,6 +125,14 @@ fn inherited(primitive: &Value) -> Map<String, Value> {
         properties.shift_remove(own);
     }
     remove_key(&mut properties, "extras", "raykiln");
-    remove_key(&mut properties, "extensions", KHR_DRACO_MESH_COMPRESSION);
+    let compressed: Vec<String> = names(&properties).filter(|name| compresses(name)).cloned().collect();
+    for name in compressed {
+        remove_key(&mut properties, "extensions", &name);
+    }
     properties
+}
+
+/// The names of an object's extensions.
+fn names(object: &Map<String, Value>) -> impl Iterator<Item = &String> {
+    object.get("extensions").and_then(Value::as_object).into_iter().flat_map(|all| all.keys())
 }

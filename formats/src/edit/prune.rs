@@ -4,10 +4,8 @@ use serde_json::{Value, json};
 
 use super::record::{has_room, raykiln_extras};
 use crate::Document;
-use crate::extension_names::{
-    EXT_MESH_GPU_INSTANCING, KHR_DRACO_MESH_COMPRESSION, KHR_LIGHTS_PUNCTUAL, KHR_MATERIALS, KHR_MESH_QUANTIZATION,
-};
 use crate::gltf::edit::array;
+use crate::gltf::references::{self, List, NODE_LISTS};
 
 /// Why no node of a document can be dropped.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,12 +16,6 @@ pub enum CannotPrune {
     NoRoom,
 }
 
-/// Extensions of a document that refer to no node from outside the nodes.
-const NODE_FREE: [&str; 3] = [EXT_MESH_GPU_INSTANCING, KHR_DRACO_MESH_COMPRESSION, KHR_LIGHTS_PUNCTUAL];
-
-/// What the names of further ones begin with.
-const NODE_FREE_PREFIXES: [&str; 4] = [KHR_MATERIALS, "KHR_texture_", "EXT_texture_", KHR_MESH_QUANTIZATION];
-
 impl Document {
     /// Drops nodes without mesh, camera, skin, extension or remaining child that no animation and no skin refers to, and
     /// renumbers the rest; of the first `input_nodes`, those that place a mesh then record which node of the input they
@@ -32,13 +24,13 @@ impl Document {
     /// # Errors
     /// Why no node can be dropped.
     pub fn drop_empty_nodes(&mut self, input_nodes: usize) -> Result<usize, CannotPrune> {
-        if let Some(extension) = node_referring_extension(&self.json) {
+        if let Some(extension) = references::holder(&self.json, &[List::Nodes]) {
             return Err(CannotPrune::Extension(extension));
         }
         if !array(&mut self.json, "nodes").all(|node| has_room(node)) {
             return Err(CannotPrune::NoRoom);
         }
-        let needed = needed(&self.json);
+        let needed = needed(&mut self.json);
         let mut next = 0;
         let mut number = || {
             next += 1;
@@ -54,19 +46,14 @@ impl Document {
     }
 }
 
-fn node_referring_extension(json: &Value) -> Option<String> {
-    let used = json["extensionsUsed"].as_array()?.iter().filter_map(Value::as_str);
-    let is_node_free =
-        |e: &&str| NODE_FREE.contains(e) || NODE_FREE_PREFIXES.iter().any(|prefix| e.starts_with(prefix));
-    used.filter(|e| !is_node_free(e)).map(str::to_owned).next()
-}
-
 /// For each node whether it must stay: it shows something, something refers to it, or a node below must stay.
-fn needed(json: &Value) -> Vec<bool> {
+fn needed(json: &mut Value) -> Vec<bool> {
+    let mut referred = Vec::new();
+    references::each(json, List::Nodes, &mut |node| referred.extend(index(node)));
     let nodes = json["nodes"].as_array().map_or(&[][..], Vec::as_slice);
     let shows = |n: &Value| ["mesh", "camera", "skin", "extensions"].iter().any(|key| n.get(key).is_some());
     let mut needed: Vec<bool> = nodes.iter().map(shows).collect();
-    for at in referred(json) {
+    for at in referred {
         if let Some(flag) = needed.get_mut(at) {
             *flag = true;
         }
@@ -85,15 +72,6 @@ fn needed(json: &Value) -> Vec<bool> {
         }
     }
     needed
-}
-
-/// Nodes that animations move and skins are made of.
-fn referred(json: &Value) -> Vec<usize> {
-    let list = |key: &str| json[key].as_array().into_iter().flatten();
-    let channels = list("animations").flat_map(|a| a["channels"].as_array().into_iter().flatten());
-    let targets = channels.filter_map(|c| index(&c["target"]["node"]));
-    let joints = list("skins").flat_map(|s| indices(&s["joints"]).chain(index(&s["skeleton"])));
-    targets.chain(joints).collect()
 }
 
 fn index(value: &Value) -> Option<usize> {
@@ -131,33 +109,16 @@ fn renumber(json: &mut Value, renumbered: &[Option<usize>]) {
             }
         }
     };
-    let renumber_one = |owner: &mut Value, key: &str| {
-        if let Some(at) = owner.get(key).and_then(new) {
-            owner[key] = at.into();
-        }
-    };
     let mut keep = renumbered.iter().map(Option::is_some);
     if let Some(nodes) = json.get_mut("nodes").and_then(Value::as_array_mut) {
         nodes.retain(|_| keep.next().unwrap_or(true));
     }
-    for node in array(json, "nodes") {
-        renumber_list(node, "children");
-        if let Some(raykiln) = node.get_mut("extras").and_then(|e| e.get_mut("raykiln")) {
-            renumber_list(raykiln, "moved_to");
+    for (owners, key) in NODE_LISTS {
+        references::each_at(json, owners, &mut |owner| renumber_list(owner, key));
+    }
+    references::each(json, List::Nodes, &mut |reference| {
+        if let Some(at) = new(reference) {
+            *reference = at.into();
         }
-    }
-    for scene in array(json, "scenes") {
-        renumber_list(scene, "nodes");
-    }
-    for skin in array(json, "skins") {
-        renumber_list(skin, "joints");
-        renumber_one(skin, "skeleton");
-    }
-    for animation in array(json, "animations") {
-        for channel in array(animation, "channels") {
-            if let Some(target) = channel.get_mut("target") {
-                renumber_one(target, "node");
-            }
-        }
-    }
+    });
 }

@@ -94,8 +94,8 @@ impl SourceRecord {
     }
 }
 
-/// Whether a node's extras have room for what the program records of it.
-pub(super) fn has_room(node: &Value) -> bool {
+/// Whether the extras of a node or primitive have room for what the program records of it.
+pub(crate) fn has_room(node: &Value) -> bool {
     let is_free = |value: Option<&Value>| value.is_none_or(Value::is_object);
     let extras = node.get("extras");
     is_free(extras) && is_free(extras.and_then(|extras| extras.get("raykiln")))

@@ -34,9 +34,6 @@ pub(super) fn attribute_accessors<'d>(
     let mut all: Vec<(&str, Accessor<'_>)> = Vec::new();
     for (name, index) in primitive.need("attributes")?.entries()? {
         let accessor = Accessor::referred(doc, &index)?;
-        if accessor.kind.starts_with("MAT") {
-            return Err(index.error("matrices are not supported as vertex attributes").unsupported());
-        }
         if let Some((first, other)) = all.first().filter(|(_, other)| other.count != accessor.count) {
             let cause = format!("{} vertices, but {first} has {}", accessor.count, other.count);
             return Err(index.error(cause));

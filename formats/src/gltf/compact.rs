@@ -3,22 +3,21 @@
 use serde_json::Value;
 
 use super::cut::cut_views;
-use super::edit::{array, each_primitive};
-use super::extensions;
 use super::json::unsigned;
+use super::references::{self, List};
 use crate::document::Document;
-use crate::edit::Compacted;
-use crate::extension_names::{EXT_MESH_GPU_INSTANCING, KHR_DRACO_MESH_COMPRESSION};
-
-/// Calls a function with every reference to the elements of one top-level list.
-type Visit = fn(&mut Value, &mut dyn FnMut(&mut Value));
+use crate::edit::{Compacted, has_room};
 
 pub(crate) fn compact(doc: &mut Document) -> Compacted {
-    let mut removed = Compacted { held_by: extensions::first_unknown(&doc.json), ..Compacted::default() };
+    let mut removed = Compacted {
+        held_by: references::holder(&doc.json, &[List::Meshes, List::Accessors, List::Views]),
+        ..Compacted::default()
+    };
     if removed.held_by.is_none() {
-        removed.meshes = compact_list(&mut doc.json, "meshes", mesh_references);
-        removed.accessors = compact_list(&mut doc.json, "accessors", accessor_references);
-        removed.buffer_views = compact_list(&mut doc.json, "bufferViews", view_references);
+        let numbered = meshes_with_fixed_numbers(&doc.json);
+        removed.meshes = compact_list(&mut doc.json, List::Meshes, numbered);
+        removed.accessors = compact_list(&mut doc.json, List::Accessors, 0);
+        removed.buffer_views = compact_list(&mut doc.json, List::Views, 0);
         if removed.accessors > 0 {
             doc.residuals.clear();
             cut_views(doc);
@@ -33,13 +32,14 @@ pub(crate) fn compact(doc: &mut Document) -> Compacted {
 
 /// Returns whether something refers to each buffer view. Extensions that are not known are not looked at.
 pub(super) fn used_views(json: &mut Value) -> Vec<bool> {
-    used(json, "bufferViews", view_references)
+    used(json, List::Views, 0)
 }
 
-/// Returns whether something refers to each element of a list.
-fn used(json: &mut Value, list: &str, visit: Visit) -> Vec<bool> {
-    let mut used = vec![false; json.get(list).and_then(Value::as_array).map_or(0, Vec::len)];
-    visit(json, &mut |reference| {
+/// Returns whether something refers to each element of a list, or it is one of the first `fixed`.
+fn used(json: &mut Value, list: List, fixed: usize) -> Vec<bool> {
+    let count = json.get(list.key()).and_then(Value::as_array).map_or(0, Vec::len);
+    let mut used: Vec<bool> = (0..count).map(|i| i < fixed).collect();
+    references::each(json, list, &mut |reference| {
         if let Some(slot) = unsigned(reference).and_then(|i| used.get_mut(i)) {
             *slot = true;
         }
@@ -47,10 +47,21 @@ fn used(json: &mut Value, list: &str, visit: Visit) -> Vec<bool> {
     used
 }
 
-/// Removes the elements of a list that nothing refers to, and renumbers the references to the rest. Returns how many
-/// were removed. Takes time linear in the size of the document.
-fn compact_list(json: &mut Value, list: &str, visit: Visit) -> usize {
-    let used = used(json, list, visit);
+/// Returns how many of the first meshes keep their number: those up to the last one with a primitive that has no room to
+/// record which of the input it was.
+fn meshes_with_fixed_numbers(json: &Value) -> usize {
+    let meshes = json.get("meshes").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    let is_full = |mesh: &Value| {
+        let primitives = mesh.get("primitives").and_then(Value::as_array).into_iter().flatten();
+        primitives.into_iter().any(|primitive| !has_room(primitive))
+    };
+    meshes.iter().rposition(is_full).map_or(0, |last| last + 1)
+}
+
+/// Removes the elements of a list that nothing refers to, but for the first `fixed`, and renumbers the references to the
+/// rest. Returns how many were removed. Takes time linear in the size of the document.
+fn compact_list(json: &mut Value, list: List, fixed: usize) -> usize {
+    let used = used(json, list, fixed);
     let count = used.len();
     let mut kept = 0;
     let mut numbers = Vec::with_capacity(count);
@@ -62,68 +73,13 @@ fn compact_list(json: &mut Value, list: &str, visit: Visit) -> usize {
         return 0;
     }
     let mut used = used.into_iter();
-    if let Some(items) = json.get_mut(list).and_then(Value::as_array_mut) {
+    if let Some(items) = json.get_mut(list.key()).and_then(Value::as_array_mut) {
         items.retain(|_| used.next().unwrap_or(true));
     }
-    visit(json, &mut |reference| {
+    references::each(json, list, &mut |reference| {
         if let Some(number) = unsigned(reference).and_then(|i| numbers.get(i)) {
             *reference = Value::from(*number);
         }
     });
     count - kept
-}
-
-fn mesh_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
-    for node in array(json, "nodes") {
-        node.get_mut("mesh").into_iter().for_each(&mut *visit);
-    }
-}
-
-fn accessor_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
-    each_primitive(json, |primitive| {
-        values(primitive.get_mut("attributes"), visit);
-        primitive.get_mut("indices").into_iter().for_each(&mut *visit);
-        for target in array(primitive, "targets") {
-            values(Some(target), visit);
-        }
-        primitive.pointer_mut("/extras/raykiln/provenance/runs").into_iter().for_each(&mut *visit);
-    });
-    for skin in array(json, "skins") {
-        skin.get_mut("inverseBindMatrices").into_iter().for_each(&mut *visit);
-    }
-    for animation in array(json, "animations") {
-        for sampler in array(animation, "samplers") {
-            for key in ["input", "output"] {
-                sampler.get_mut(key).into_iter().for_each(&mut *visit);
-            }
-        }
-    }
-    for node in array(json, "nodes") {
-        for path in ["/extras/raykiln/source/runs", "/extras/raykiln/source/nodes", "/extras/raykiln/source/meshes"] {
-            node.pointer_mut(path).into_iter().for_each(&mut *visit);
-        }
-        let instancing = node.get_mut("extensions").and_then(|e| e.get_mut(EXT_MESH_GPU_INSTANCING));
-        values(instancing.and_then(|e| e.get_mut("attributes")), visit);
-    }
-}
-
-fn view_references(json: &mut Value, visit: &mut dyn FnMut(&mut Value)) {
-    for accessor in array(json, "accessors") {
-        for path in ["/bufferView", "/sparse/indices/bufferView", "/sparse/values/bufferView"] {
-            accessor.pointer_mut(path).into_iter().for_each(&mut *visit);
-        }
-    }
-    for image in array(json, "images") {
-        image.get_mut("bufferView").into_iter().for_each(&mut *visit);
-    }
-    each_primitive(json, |primitive| {
-        let draco = primitive.get_mut("extensions").and_then(|e| e.get_mut(KHR_DRACO_MESH_COMPRESSION));
-        draco.and_then(|d| d.get_mut("bufferView")).into_iter().for_each(&mut *visit);
-    });
-}
-
-/// Visits the values of all properties of an object.
-fn values(object: Option<&mut Value>, visit: &mut dyn FnMut(&mut Value)) {
-    let map = object.and_then(Value::as_object_mut);
-    map.into_iter().flat_map(|map| map.values_mut()).for_each(visit);
 }

@@ -9,7 +9,7 @@ use super::accessor::Accessor;
 use super::animation::mark_animated;
 use super::json::At;
 use super::positions::Positions;
-use super::{extensions, limits, node, primitive};
+use super::{extensions, limits, node, primitive, references};
 use crate::contents::{Camera, Look, Material, Mesh, Node, Opacity};
 use crate::{Contents, Document, Error, ReadOptions, Warning};
 
@@ -22,9 +22,15 @@ pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents,
     check_skins(doc, nodes.len())?;
     let roots = scenes(&root, &mut nodes)?;
     mark_animated(doc, &mut nodes)?;
+    let holds = references::holds(doc);
+    for ((node, hold), hidden) in nodes.iter_mut().zip(holds.nodes).zip(holds.hidden) {
+        (node.hold, node.hidden) = (hold, hidden);
+    }
+    warnings.extend(holds.warnings);
     let materials = materials(&root, &mut warnings)?;
     let cameras = root.list("cameras")?.map(|at| camera(&at)).collect::<Result<_, _>>()?;
-    let meshes = meshes(doc, options, &mut warnings)?;
+    let mut meshes = meshes(doc, options, &mut warnings)?;
+    meshes.iter_mut().zip(holds.meshes).for_each(|(mesh, hold)| mesh.hold = hold);
     Ok(Contents { nodes, roots, meshes, materials, cameras, warnings })
 }
 

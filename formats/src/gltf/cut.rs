@@ -5,10 +5,10 @@ use std::ops::Range;
 use serde_json::{Value, json};
 
 use super::accessor::Accessor;
-use super::edit::{array, each_primitive, push};
+use super::edit::{array, push};
 use super::json::unsigned;
+use super::references::{self, List};
 use crate::document::Document;
-use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
 
 /// Largest gap of unused bytes that does not justify another buffer view.
 const MOST_GAP: usize = 128;
@@ -43,24 +43,21 @@ pub(super) fn cut_views(doc: &mut Document) {
 /// Whether each view must stay as it is: its bytes are compressed, or not only plain accessors refer to it.
 fn whole_views(json: &mut Value) -> Vec<bool> {
     let mut whole: Vec<bool> = array(json, "bufferViews").map(|view| view.get("extensions").is_some()).collect();
-    let mut mark = |reference: Option<&Value>| {
-        if let Some(slot) = reference.and_then(unsigned).and_then(|view| whole.get_mut(view)) {
-            *slot = true;
+    // Each reference but those of plain accessors: as many as there are, less the accessors' own.
+    let mut references = vec![0_usize; whole.len()];
+    references::each(json, List::Views, &mut |view| {
+        if let Some(count) = unsigned(view).and_then(|view| references.get_mut(view)) {
+            *count += 1;
         }
-    };
-    for accessor in array(json, "accessors") {
-        mark(accessor.pointer("/sparse/indices/bufferView"));
-        mark(accessor.pointer("/sparse/values/bufferView"));
-    }
-    array(json, "images").for_each(|image| mark(image.get("bufferView")));
-    each_primitive(json, |primitive| {
-        mark(
-            primitive
-                .get("extensions")
-                .and_then(|e| e.get(KHR_DRACO_MESH_COMPRESSION))
-                .and_then(|d| d.get("bufferView")),
-        );
     });
+    for accessor in array(json, "accessors") {
+        if let Some(count) = accessor.get("bufferView").and_then(unsigned).and_then(|view| references.get_mut(view)) {
+            *count -= 1;
+        }
+    }
+    for (whole, others) in whole.iter_mut().zip(references) {
+        *whole |= others > 0;
+    }
     whole
 }
 

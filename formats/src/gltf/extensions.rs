@@ -1,4 +1,4 @@
-//! Known glTF extensions: which can be read, and which refer to elements that the bake renumbers.
+//! Lists of the extensions that a file uses and requires. What is known of each extension: `references/table.rs`.
 
 use std::collections::BTreeSet;
 
@@ -6,46 +6,9 @@ use serde_json::Value;
 
 use super::edit::remove_key;
 use super::json::At;
+use super::references::{self, table::is_readable};
 use crate::Error;
 use crate::extension_names::*;
-
-/// Extensions whose geometry semantics are supported or that do not affect geometry, besides `KHR_materials_*`. They
-/// may be required, and they refer to meshes, accessors or buffer views only in places that `compact` knows.
-const READABLE: &[&str] = &[
-    ADOBE_MATERIALS_CLEARCOAT_SPECULAR,
-    ADOBE_MATERIALS_THIN_TRANSPARENCY,
-    EXT_LIGHTS_IMAGE_BASED,
-    EXT_MATERIALS_BUMP,
-    EXT_MESH_FEATURES,
-    EXT_MESH_GPU_INSTANCING,
-    EXT_TEXTURE_AVIF,
-    EXT_TEXTURE_WEBP,
-    FB_GEOMETRY_METADATA,
-    GODOT_SINGLE_ROOT,
-    KHR_ANIMATION_POINTER,
-    KHR_LIGHTS_PUNCTUAL,
-    KHR_MESH_QUANTIZATION,
-    KHR_TEXTURE_BASISU,
-    KHR_TEXTURE_TRANSFORM,
-    KHR_XMP,
-    KHR_XMP_JSON_LD,
-    MSFT_PACKING_NORMAL_ROUGHNESS_METALLIC,
-    MSFT_PACKING_OCCLUSION_ROUGHNESS_METALLIC,
-    MSFT_TEXTURE_DDS,
-];
-
-/// Extensions that must not be required, but whose references are known, so that they do not prevent renumbering.
-const RENUMBERABLE: &[&str] = &[
-    KHR_DRACO_MESH_COMPRESSION,
-    KHR_NODE_HOVERABILITY,
-    KHR_NODE_SELECTABILITY,
-    KHR_NODE_VISIBILITY,
-    MSFT_LOD,
-    MSFT_SCREENCOVERAGE,
-];
-
-/// Extensions of a node that do not affect its mesh.
-const HARMLESS_ON_NODES: &[&str] = &[EXT_MESH_GPU_INSTANCING, KHR_LIGHTS_PUNCTUAL, KHR_XMP, KHR_XMP_JSON_LD];
 
 /// Compression of buffer views by meshoptimizer, under its vendor and Khronos names.
 pub(super) const MESHOPT: [&str; 2] = [EXT_MESHOPT_COMPRESSION, KHR_MESHOPT_COMPRESSION];
@@ -70,48 +33,6 @@ fn check(root: &At<'_>, is_supported: impl Fn(&str) -> bool) -> Result<(), Error
     Ok(())
 }
 
-fn is_readable(name: &str) -> bool {
-    name.starts_with(KHR_MATERIALS) || READABLE.contains(&name)
-}
-
-/// Whether an extension of a node does not affect its mesh.
-pub(super) fn is_harmless_on_nodes(name: &str) -> bool {
-    HARMLESS_ON_NODES.contains(&name)
-}
-
-/// Returns the first extension object of the document that may refer to meshes, accessors or buffer views in unknown
-/// ways.
-pub(super) fn first_unknown(json: &Value) -> Option<String> {
-    let mut todo = vec![json];
-    while let Some(value) = todo.pop() {
-        match value {
-            Value::Array(list) => todo.extend(list.iter().rev()),
-            Value::Object(map) => {
-                let extensions = map.get("extensions").and_then(Value::as_object);
-                let names = extensions.into_iter().flat_map(|e| e.keys());
-                if let Some(name) = names.into_iter().find(|name| !is_renumberable(name)) {
-                    return Some(name.clone());
-                }
-                if map.get("pointer").is_some_and(points_to_renumbered) {
-                    return Some(KHR_ANIMATION_POINTER.to_owned());
-                }
-                todo.extend(map.iter().rev().filter(|(key, _)| *key != "extras").map(|(_, value)| value));
-            }
-            _ => {}
-        }
-    }
-    None
-}
-
-fn is_renumberable(name: &str) -> bool {
-    is_readable(name) || RENUMBERABLE.contains(&name)
-}
-
-fn points_to_renumbered(pointer: &Value) -> bool {
-    let lists = ["/meshes/", "/accessors/", "/bufferViews/"];
-    pointer.as_str().is_some_and(|p| lists.iter().any(|list| p.starts_with(list)))
-}
-
 /// Removes an extension of an object, and `extensions` itself when nothing is left in it.
 pub(super) fn remove(object: &mut Value, name: &str) -> Option<Value> {
     remove_key(object.as_object_mut()?, "extensions", name)
@@ -123,25 +44,18 @@ pub(crate) fn forget_unused(json: &mut Value, input: &Value) {
         return;
     }
     let now = names(json);
-    let gone: Vec<&String> = names(input).into_iter().filter(|name| !now.contains(name)).collect();
-    gone.into_iter().for_each(|name| forget(json, name));
+    let gone: Vec<String> = names(input).into_iter().filter(|name| !now.contains(name)).collect();
+    gone.iter().for_each(|name| forget(json, name));
 }
 
 /// Returns the names of all extension objects, except those in extras.
-fn names(json: &Value) -> BTreeSet<&String> {
+fn names(json: &Value) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
-    let mut todo = vec![json];
-    while let Some(value) = todo.pop() {
-        match value {
-            Value::Array(list) => todo.extend(list),
-            Value::Object(map) => {
-                let extensions = map.get("extensions").and_then(Value::as_object);
-                names.extend(extensions.into_iter().flat_map(|e| e.keys()));
-                todo.extend(map.iter().filter(|(key, _)| *key != "extras").map(|(_, value)| value));
-            }
-            _ => {}
+    references::each_name(json, &mut |name| {
+        if !names.contains(name) {
+            names.insert(name.to_owned());
         }
-    }
+    });
     names
 }
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::accessor::Accessor;
 use super::json::At;
-use crate::extension_names::KHR_DRACO_MESH_COMPRESSION;
+use super::references::table::compresses;
 
 /// Returns a text that is equal for primitives with the same vertex attributes, extensions and extras. Positions,
 /// normals and tangents count as 32-bit floats, because joining transforms them; provenance is ignored.
@@ -14,7 +14,8 @@ pub(super) fn merge_key(primitive: &At<'_>, attributes: &[(&str, Accessor<'_>)])
     let mut types: Vec<String> = attributes.iter().map(|(name, accessor)| attribute_type(name, accessor)).collect();
     types.sort_unstable();
     let mut key = types.join(" ");
-    for (property, hidden) in [("extensions", KHR_DRACO_MESH_COMPRESSION), ("extras", "raykiln")] {
+    let hidden: [(&str, fn(&str) -> bool); 2] = [("extensions", compresses), ("extras", |key| key == "raykiln")];
+    for (property, hidden) in hidden {
         key.push('|');
         if let Some(at) = primitive.get(property) {
             write_canonical(&mut key, at.value, Some(hidden));
@@ -31,12 +32,12 @@ fn attribute_type(name: &str, accessor: &Accessor<'_>) -> String {
     }
 }
 
-/// Writes JSON with sorted properties; an object that contains only `hidden` counts as absent. The parser limits the
+/// Writes JSON with sorted properties; an object that contains only what is `hidden` counts as absent. The parser limits the
 /// depth.
-fn write_canonical(out: &mut String, value: &Value, hidden: Option<&str>) {
+fn write_canonical(out: &mut String, value: &Value, hidden: Option<fn(&str) -> bool>) {
     match value {
         Value::Object(map) => {
-            let mut entries: Vec<_> = map.iter().filter(|(key, _)| Some(key.as_str()) != hidden).collect();
+            let mut entries: Vec<_> = map.iter().filter(|(key, _)| !hidden.is_some_and(|hidden| hidden(key))).collect();
             if entries.is_empty() && hidden.is_some() {
                 return;
             }

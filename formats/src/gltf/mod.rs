@@ -23,6 +23,7 @@ mod primitive;
 pub(crate) mod properties;
 mod provenance;
 pub(crate) mod read;
+pub(crate) mod references;
 pub(crate) mod staged;
 mod uri;
 pub(crate) mod write;

@@ -4,8 +4,8 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::accessor::Accessor;
 use super::json::At;
+use super::limits;
 use super::provenance::NodeSources;
-use super::{extensions, limits};
 use crate::contents::Node;
 use crate::document::{Component, Document};
 use crate::extension_names::EXT_MESH_GPU_INSTANCING;
@@ -35,7 +35,7 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
     let root = At::root(doc);
     let children: Result<_, _> =
         at.list("children")?.map(|child| child.index_into("nodes", root.count("nodes"))).collect();
-    let names = at.get("extensions").map(|e| e.object()).transpose()?.into_iter().flat_map(|e| e.keys());
+    at.get("extensions").map(|e| e.object()).transpose()?;
     Ok(Node {
         name: at.name(),
         parent: None,
@@ -47,7 +47,8 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
         copies: at.extension(EXT_MESH_GPU_INSTANCING).map(|e| copies(doc, &e, warnings)).transpose()?,
         animated: false,
         in_other_scene: false,
-        unknown_extensions: names.filter(|n| !extensions::is_harmless_on_nodes(n)).cloned().collect(),
+        hold: None,
+        hidden: false,
         source: None,
         copy_sources: Vec::new(),
     })

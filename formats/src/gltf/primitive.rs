@@ -6,6 +6,7 @@ use super::json::At;
 use super::merge_key::merge_key;
 use super::positions::Positions;
 use super::provenance::provenance;
+use super::references;
 use crate::contents::{Mesh, Primitive, Triangles};
 use crate::document::{Component, Document};
 use crate::{Error, ReadOptions, Warning};
@@ -26,7 +27,7 @@ pub(super) fn mesh(
     for primitive_at in at.list("primitives")? {
         primitives.push(primitive(doc, &primitive_at, read, options, &mut warnings)?);
     }
-    Ok((Mesh { name: at.name(), primitives }, warnings))
+    Ok((Mesh { name: at.name(), primitives, hold: None }, warnings))
 }
 
 fn primitive(
@@ -46,7 +47,8 @@ fn primitive(
         None
     });
     let triangles = triangles.map(|t| keep_finite(at, t, &attributes, options, warnings)).transpose()?;
-    Ok(Primitive { material, triangles, morphed, merge_key: merge_key(at, &attributes), provenance })
+    let in_mesh_units = references::in_mesh_units(doc, at.value);
+    Ok(Primitive { material, triangles, morphed, in_mesh_units, merge_key: merge_key(at, &attributes), provenance })
 }
 
 /// Checks the morph targets; returns whether there are any.

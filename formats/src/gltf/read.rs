@@ -30,7 +30,8 @@ pub(crate) fn read_bytes(name: &Path, bytes: Bytes) -> Result<Document, Error> {
 
 /// The document of a file's bytes. Without a `folder` it may refer to no buffer file.
 fn parsed(path: &Path, file: &Bytes, folder: Option<&Path>) -> Result<Document, Error> {
-    let (json, bin, kind, mut warnings) = open(path, file)?;
+    let (mut json, bin, kind, mut warnings) = open(path, file)?;
+    whole_numbers(&mut json);
     let root = At::new(path, &json);
     check_asset(&root)?;
     extensions::check_required_of_file(&root)?;
@@ -49,7 +50,7 @@ fn open(path: &Path, file: &Bytes) -> Result<Opened, Error> {
         let parts = binary::parts(path, file)?;
         let text = &file[parts.json];
         let padding = text.iter().rev().take_while(|b| **b == 0).count();
-        let json = parse(path, "JSON chunk, ", &text[..text.len() - padding])?;
+        let json = parse(path, "JSON chunk, ", without_mark(&text[..text.len() - padding]))?;
         return Ok((json, parts.bin.map(|range| file.slice(range)), Kind::Glb, parts.warnings));
     }
     if file.is_empty() {
@@ -61,11 +62,16 @@ fn open(path: &Path, file: &Bytes) -> Result<Opened, Error> {
     if path.extension().and_then(OsStr::to_str).is_some_and(|e| e.eq_ignore_ascii_case("glb")) {
         return Err(Error::whole(path, "wrong magic: a GLB file starts with the bytes \"glTF\""));
     }
-    let text = file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file);
+    let text = without_mark(file);
     if text.trim_ascii_start().first().is_some_and(|b| *b != b'{') {
         return Err(Error::whole(path, "wrong magic: neither glTF JSON, which starts with \"{\", nor binary glTF"));
     }
     Ok((parse(path, "", text)?, None, Kind::Gltf, Vec::new()))
+}
+
+/// Returns a text without a byte order mark, which glTF forbids and some writers of JSON put first.
+fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text)
 }
 
 /// Parses JSON. serde_json rejects values nested deeper than 128 levels, so no tree can exhaust the stack.
@@ -75,6 +81,71 @@ fn parse(path: &Path, part: &str, text: &[u8]) -> Result<Value, Error> {
         let cause = message.split(" at line ").next().unwrap_or(&message);
         Error::at(path, format!("{part}line {} column {}", e.line(), e.column()), format_args!("JSON: {cause}"))
     })
+}
+
+/// Properties of glTF whose numbers are integers, alone or in a list.
+const INTEGERS: [&str; 35] = [
+    "bufferView",
+    "byteOffset",
+    "byteLength",
+    "byteStride",
+    "buffer",
+    "componentType",
+    "count",
+    "target",
+    "mesh",
+    "skin",
+    "camera",
+    "node",
+    "nodes",
+    "children",
+    "joints",
+    "skeleton",
+    "inverseBindMatrices",
+    "indices",
+    "material",
+    "mode",
+    "source",
+    "sampler",
+    "index",
+    "texCoord",
+    "scene",
+    "input",
+    "output",
+    "magFilter",
+    "minFilter",
+    "wrapS",
+    "wrapT",
+    "light",
+    "variants",
+    "externalAsset",
+    "file",
+];
+
+/// Writes integers as such that the file has as `36.0` or `3.6e1`: JSON does not tell them apart, readers do. Extras stay
+/// as they are.
+fn whole_numbers(json: &mut Value) {
+    // Properties of "attributes" and "targets" are named by the file.
+    let mut todo = vec![(false, json)];
+    while let Some((is_integer, value)) = todo.pop() {
+        match value {
+            Value::Number(number) if is_integer && number.is_f64() => {
+                if let Some(integer) = number.as_f64().filter(|x| x.fract() == 0.0 && x.abs() < 9e15) {
+                    *value = Value::from(integer as i64);
+                }
+            }
+            Value::Array(list) => todo.extend(list.iter_mut().map(|value| (is_integer, value))),
+            Value::Object(map) => {
+                let all = map.iter_mut().filter(|(key, _)| *key != "extras");
+                let named = |key: &str| ["attributes", "targets"].contains(&key) || INTEGERS.contains(&key);
+                todo.extend(all.map(|(key, value)| {
+                    let is_integer = named(key) || is_integer && value.is_number();
+                    (is_integer, value)
+                }));
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Rejects files of another glTF version.

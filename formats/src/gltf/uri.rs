@@ -64,6 +64,11 @@ pub(super) fn decode(base64: bool, payload: &str) -> Result<Vec<u8>, String> {
     let engine = GeneralPurpose::new(&base64::alphabet::STANDARD, lenient);
     let plain: Cow<'_, [u8]> =
         if payload.contains('%') { percent_decode_str(payload).into() } else { payload.as_bytes().into() };
+    // Lines are broken as in mail (N. Freed, N. Borenstein, RFC 2045, 1996), which decoders in browsers ignore.
+    let plain: Cow<'_, [u8]> = match plain.iter().any(u8::is_ascii_whitespace) {
+        true => plain.iter().copied().filter(|byte| !byte.is_ascii_whitespace()).collect(),
+        false => plain,
+    };
     engine.decode(&*plain).map_err(|e| format!("the data URI is not base64: {e}"))
 }
 

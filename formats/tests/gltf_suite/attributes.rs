@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use raykiln_formats::Document;
+use raykiln_formats::contents::Hold;
 use raykiln_formats::document::{Component, Element};
 use raykiln_formats::edit::{NewAccessor, Target};
 use serde_json::{Value, json};
@@ -79,12 +80,16 @@ fn a_stride_below_the_element_is_refused() {
 }
 
 #[test]
-fn matrices_are_no_vertex_attributes() {
-    let message = broken(|json| {
-        json["accessors"][0]["type"] = "MAT2".into();
-        json["accessors"][0]["count"] = 1.into();
-    });
-    assert!(message.contains("matrices are not supported as vertex attributes"), "{message}");
+fn a_mesh_with_matrices_as_attributes_stays_whole() {
+    let mut doc = triangle();
+    for (kind, components) in [("MAT2", 4), ("MAT3", 9), ("MAT4", 16)] {
+        doc.json["accessors"][1] = json!({ "componentType": 5126, "count": 3, "type": kind });
+        doc.json["meshes"][0]["primitives"][0]["attributes"]["_STRESS"] = 1.into();
+        assert_eq!(contents(&doc).meshes[0].hold, Some(Hold::Matrix));
+        let attributes = doc.attributes(0, 0);
+        let stress = attributes.iter().find(|attribute| attribute.name == "_STRESS").unwrap();
+        assert_eq!((stress.element.components, stress.bytes(2).len()), (components, 4 * components));
+    }
 }
 
 /// A triangle whose accessor has one sparse value for its last vertex.

@@ -119,10 +119,16 @@ fn pruning_stops_at_extensions_that_may_refer_to_nodes() {
     let mut doc = triangle();
     doc.json["nodes"].as_array_mut().unwrap().insert(0, json!({ "name": "empty" }));
     doc.json["scenes"][0]["nodes"] = json!([0, 1]);
-    doc.json["extensionsUsed"] = json!(["KHR_materials_unlit", "KHR_lights_punctual", "ACME_links"]);
-    assert_eq!(doc.drop_empty_nodes(2), Err(CannotPrune::Extension("ACME_links".into())));
-    doc.json["extensionsUsed"] = json!(["KHR_materials_unlit", "KHR_lights_punctual"]);
+    for extension in
+        [json!({ "ACME_links": { "from": 1 } }), json!({ "KHR_interactivity": { "to": "/nodes/1/scale" } })]
+    {
+        doc.json["extensions"] = extension.clone();
+        let name = extension.as_object().unwrap().keys().next().unwrap().clone();
+        assert_eq!(doc.drop_empty_nodes(2), Err(CannotPrune::Extension(name)));
+    }
+    doc.json["extensions"] = json!({ "VRMC_springBone": { "colliders": [{ "node": 1 }] } });
     assert_eq!(doc.drop_empty_nodes(2), Ok(1));
+    assert_eq!(doc.json["extensions"]["VRMC_springBone"]["colliders"][0]["node"], 0);
     assert_eq!(doc.json["scenes"][0]["nodes"], json!([0]));
     assert_eq!(contents(&doc).nodes[0].source, Some(NodeSource { node: 1, copy_of: None }));
 }

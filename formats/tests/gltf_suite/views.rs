@@ -1,6 +1,6 @@
 //! The rest of the view: animations, skins, materials, cameras, names.
 
-use raykiln_formats::contents::{Camera, Look, Opacity};
+use raykiln_formats::contents::{Camera, Hold, Look, Opacity};
 use raykiln_formats::{Contents, Document};
 use serde_json::{Value, json};
 
@@ -69,10 +69,17 @@ fn skinned_nodes_are_marked_and_skins_checked() {
 }
 
 #[test]
-fn unknown_extensions_of_nodes_are_listed() {
-    let mut doc = triangle();
-    doc.json["nodes"][0]["extensions"] = json!({ "ACME_switch": {}, "KHR_lights_punctual": {}, "MSFT_lod": {} });
-    assert_eq!(contents(&doc).nodes[0].unknown_extensions, ["ACME_switch", "MSFT_lod"]);
+fn nodes_are_held_by_their_extensions() {
+    for (extensions, hold) in [
+        (json!({ "ACME_switch": {} }), Some(Hold::Extension)),
+        (json!({ "MSFT_lod": { "ids": [] } }), Some(Hold::Extension)),
+        (json!({ "KHR_lights_punctual": { "light": 0 } }), Some(Hold::Attached)),
+        (json!({ "KHR_xmp_json_ld": { "packet": 0 } }), None),
+    ] {
+        let mut doc = triangle();
+        doc.json["nodes"][0]["extensions"] = extensions;
+        assert_eq!(contents(&doc).nodes[0].hold, hold);
+    }
 }
 
 #[test]

@@ -3,11 +3,12 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
+use bytes::Bytes;
 use serde_json::Value;
 
-use super::super::accessor::Accessor;
-use super::super::extensions::MESHOPT;
+use super::super::accessor::{Accessor, view_range};
 use super::super::json::{At, unsigned};
+use super::super::references::{self, List, table};
 use super::{element, materials};
 use crate::Document;
 use crate::extension_names::*;
@@ -64,15 +65,13 @@ fn extension(doc: &Document, name: &str, value: &Value) -> Option<Property> {
         doc.json.get("extensions")?.get(name)?.get(list)?.get(index)
     };
     match name {
-        KHR_DRACO_MESH_COMPRESSION => None,
-        _ if MESHOPT.contains(&name) => None,
+        _ if table::compresses(name) => None,
         EXT_MESH_GPU_INSTANCING => copies(doc, value),
         KHR_LIGHTS_PUNCTUAL => Some(referred("lights", "light").map_or_else(|| plain(value), light)),
         EXT_LIGHTS_IMAGE_BASED => Some(referred("lights", "light").map_or_else(|| plain(value), images)),
         KHR_XMP | KHR_XMP_JSON_LD => Some(referred("packets", "packet").map_or_else(|| plain(value), plain)),
         KHR_MATERIALS_VARIANTS => Some(variants(doc, value)),
-        MSFT_LOD => Some(nodes(value, "ids")),
-        _ => Some(textures(doc, value)),
+        _ => Some(referred_data(doc, name, value)),
     }
 }
 
@@ -131,28 +130,47 @@ fn variants(doc: &Document, value: &Value) -> Property {
     Property::Object(shown)
 }
 
-fn nodes(value: &Value, key: &str) -> Property {
-    let mut followed = plain(value);
-    if let (Property::Object(map), Some(list)) = (&mut followed, value.get(key).and_then(Value::as_array)) {
-        map.insert(key.to_owned(), Property::List(list.iter().filter_map(unsigned).map(Property::Node).collect()));
-    }
-    followed
+/// Returns an extension object with the references of its row in the table followed: accessors stand as their numbers,
+/// buffer views as their bytes. Meshes keep their number, as a bake leaves those numbers alone.
+fn referred_data(doc: &Document, name: &str, value: &Value) -> Property {
+    let mut followed: HashMap<*const Value, Property> = HashMap::new();
+    references::of_object(name, value, &mut |list, reference| {
+        let property = match list {
+            List::Nodes => unsigned(reference).map(Property::Node),
+            List::Accessors => numbers(doc, reference).map(Property::Numbers),
+            List::Views => view_bytes(doc, reference).map(Property::Bytes),
+            List::Meshes => None,
+        };
+        followed.extend(property.map(|property| (std::ptr::from_ref(reference), property)));
+    });
+    textures(doc, value, &mut followed)
 }
 
-/// Returns a value in which each `texture` stands as what it samples.
-fn textures(doc: &Document, value: &Value) -> Property {
+/// Returns the bytes of a buffer view.
+fn view_bytes(doc: &Document, view: &Value) -> Option<Bytes> {
+    let (buffer, range) = view_range(doc, &element(doc, "bufferViews", unsigned(view)?)?).ok()?;
+    Some(doc.buffers[buffer].slice(range))
+}
+
+/// Returns a value in which each `texture` stands as what it samples, and each value of `followed` as its property.
+fn textures(doc: &Document, value: &Value, followed: &mut HashMap<*const Value, Property>) -> Property {
+    if let Some(property) = followed.remove(&std::ptr::from_ref(value)) {
+        return property;
+    }
     match value {
-        Value::Object(map) => Property::Object(
-            map.iter()
-                .map(|(key, value)| {
-                    let index = (key == "texture").then(|| unsigned(value.get("index")?)).flatten();
-                    let texture = index.and_then(|index| element(doc, "textures", index));
-                    let more = || textures(doc, value);
-                    (key.clone(), texture.map_or_else(more, |at| materials::texture(doc, &at)))
-                })
-                .collect(),
-        ),
-        Value::Array(list) => Property::List(list.iter().map(|value| textures(doc, value)).collect()),
+        Value::Object(map) => {
+            let mut properties = BTreeMap::new();
+            for (key, value) in map {
+                let index = (key == "texture").then(|| unsigned(value.get("index")?)).flatten();
+                let property = match index.and_then(|index| element(doc, "textures", index)) {
+                    Some(at) => materials::texture(doc, &at),
+                    None => textures(doc, value, followed),
+                };
+                properties.insert(key.clone(), property);
+            }
+            Property::Object(properties)
+        }
+        Value::Array(list) => Property::List(list.iter().map(|value| textures(doc, value, followed)).collect()),
         other => plain(other),
     }
 }
