@@ -14,7 +14,7 @@ pub(super) fn merge_key(primitive: &At<'_>, attributes: &[(&str, Accessor<'_>)])
     let mut types: Vec<String> = attributes.iter().map(|(name, accessor)| attribute_type(name, accessor)).collect();
     types.sort_unstable();
     let mut key = types.join(" ");
-    let hidden: [(&str, fn(&str) -> bool); 2] = [("extensions", compresses), ("extras", |key| key == "raykiln")];
+    let hidden: [(&str, IsHidden); 2] = [("extensions", compresses), ("extras", |key| key == "raykiln")];
     for (property, hidden) in hidden {
         key.push('|');
         if let Some(at) = primitive.get(property) {
@@ -23,6 +23,9 @@ pub(super) fn merge_key(primitive: &At<'_>, attributes: &[(&str, Accessor<'_>)])
     }
     key
 }
+
+/// Whether a property does not count.
+type IsHidden = fn(&str) -> bool;
 
 fn attribute_type(name: &str, accessor: &Accessor<'_>) -> String {
     let e = accessor.element;
@@ -34,7 +37,7 @@ fn attribute_type(name: &str, accessor: &Accessor<'_>) -> String {
 
 /// Writes JSON with sorted properties; an object that contains only what is `hidden` counts as absent. The parser limits the
 /// depth.
-fn write_canonical(out: &mut String, value: &Value, hidden: Option<fn(&str) -> bool>) {
+fn write_canonical(out: &mut String, value: &Value, hidden: Option<IsHidden>) {
     match value {
         Value::Object(map) => {
             let mut entries: Vec<_> = map.iter().filter(|(key, _)| !hidden.is_some_and(|hidden| hidden(key))).collect();
