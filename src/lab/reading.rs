@@ -7,7 +7,7 @@ use raykiln_formats::Document;
 use crate::commands::verify;
 use crate::scene::{Bounds, Scene};
 
-/// A scene that holds triangles.
+/// A scene with its document.
 pub(super) struct ReadScene {
     pub(super) doc: Document,
     pub(super) scene: Scene,
@@ -21,10 +21,7 @@ pub(super) struct ReadScene {
 /// Which file cannot be read or has no triangles, and why, in words.
 pub(super) fn read(path: &Path) -> Result<ReadScene, String> {
     let (doc, scene, warnings) = verify::read_document(path).map_err(|e| e.to_string())?;
-    match scene.triangles_placed() {
-        0 => Err(format!("{}: there are no triangles to trace", path.display())),
-        _ => Ok(ReadScene { doc, scene, warnings }),
-    }
+    Ok(ReadScene { doc, scene, warnings })
 }
 
 /// Returns the box of a scene without sky domes and far objects.
@@ -46,7 +43,7 @@ mod tests {
             read(&path).err().unwrap_or_default()
         };
         let empty = at("empty.obj", "v 0 0 0\n");
-        assert!(empty.ends_with("empty.obj: there are no triangles to trace"), "{empty}");
+        assert!(empty.ends_with("empty.obj: the default scene holds no triangles"), "{empty}");
         assert!(at("broken.glb", "no scene").contains("broken.glb"));
         assert_eq!(at("one.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), "");
     }
