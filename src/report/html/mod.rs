@@ -44,7 +44,6 @@ const MOST_LISTED: usize = 200;
 struct Page {
     /// `bake`, `verify` or `inspect`.
     command: &'static str,
-    version: &'static str,
     /// The input and, if there is one, the output.
     files: Vec<String>,
     headline: Headline,
@@ -179,7 +178,6 @@ impl Page {
         let name = input.path.file_stem().map_or_else(|| command.into(), |stem| stem.to_string_lossy());
         Page {
             command,
-            version: env!("CARGO_PKG_VERSION"),
             files: vec![input.path.display().to_string()],
             headline: Headline::default(),
             counts: counts(input),
@@ -205,13 +203,11 @@ impl Page {
     }
 
     fn render(&self) -> String {
-        let mut environment = Environment::new();
-        environment.set_auto_escape_callback(|_| AutoEscape::Html);
-        environment.set_formatter(write_visible);
-        environment.add_template("page", include_str!("assets/page.html")).expect("the template is sound");
+        let environment = environment("page", include_str!("assets/page.html"));
         let template = environment.get_template("page").expect("it was added");
         let asset = |text: &str| Value::from_safe_string(text.to_owned());
         let rendered = template.render(context! {
+            version => env!("CARGO_PKG_VERSION"),
             page => Value::from(Serde(self)),
             style => asset(include_str!("assets/page.css")),
             script => asset(include_str!("assets/page.js")),
@@ -220,6 +216,17 @@ impl Page {
         });
         rendered.expect("the template names what is there")
     }
+}
+
+/// Returns a template with the head that all pages share.
+fn environment(name: &'static str, template: &'static str) -> Environment<'static> {
+    let mut environment = Environment::new();
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.set_formatter(write_visible);
+    for (name, template) in [("head", include_str!("assets/head.html")), (name, template)] {
+        environment.add_template(name, template).expect("the template is sound");
+    }
+    environment
 }
 
 /// Writes a value of the template: as [`escape_formatter`], but strings as they are made visible.

@@ -3,10 +3,10 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment, Value, context};
+use minijinja::{Value, context};
 use serde::Serialize;
 
-use super::write_visible;
+use super::environment;
 use crate::report::study::{Figure, Picture, Section, Study, Table};
 
 #[derive(Serialize)]
@@ -37,10 +37,7 @@ struct ShownFigure<'a> {
 
 /// Returns a study as a page.
 pub fn study(study: &Study) -> String {
-    let mut environment = Environment::new();
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.set_formatter(write_visible);
-    environment.add_template("study", include_str!("assets/study.html")).expect("the template is sound");
+    let environment = environment("study", include_str!("assets/study.html"));
     let template = environment.get_template("study").expect("it was added");
     let sections: Vec<ShownSection> = study.sections.iter().enumerate().map(section).collect();
     let rendered = template.render(context! {
