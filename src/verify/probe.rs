@@ -29,6 +29,10 @@ pub(crate) trait Probe {
     fn passes(&self, kind: RayKind, rays: &[Ray], until: Until) -> Result<Vec<f64>, String> {
         until.repeat(|| self.seconds(kind, rays))
     }
+    /// Makes a pass over rays of a kind ready: what the device needs of the rays is handed to it once.
+    fn pass<'p>(&'p self, kind: RayKind, rays: &'p [Ray]) -> Result<Pass<'p>, String> {
+        Ok(Box::new(move || self.seconds(kind, rays)))
+    }
     /// Returns what was built; `None` if it says nothing about a device.
     fn built(&self) -> Option<Built> {
         None
@@ -38,6 +42,9 @@ pub(crate) trait Probe {
         options.timed_rays_per_kind.unwrap_or(options.rays_per_kind)
     }
 }
+
+/// A pass over rays that can be repeated; returns the seconds it took.
+pub(crate) type Pass<'p> = Box<dyn FnMut() -> Result<f64, String> + 'p>;
 
 /// When to stop timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,6 +137,11 @@ impl Probe for VulkanTracer<'_, '_> {
     fn passes(&self, kind: RayKind, rays: &[Ray], until: Until) -> Result<Vec<f64>, String> {
         let prepared = self.prepare(rays).map_err(in_words)?;
         until.repeat(|| Tracer::seconds(self, kind, &prepared)).map_err(in_words)
+    }
+
+    fn pass<'p>(&'p self, kind: RayKind, rays: &'p [Ray]) -> Result<Pass<'p>, String> {
+        let prepared = self.prepare(rays).map_err(in_words)?;
+        Ok(Box::new(move || Tracer::seconds(self, kind, &prepared).map_err(in_words)))
     }
 
     fn built(&self) -> Option<Built> {

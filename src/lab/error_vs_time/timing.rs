@@ -5,7 +5,7 @@
 //! time of the tracer.
 
 use crate::verify::PerKind;
-use crate::verify::probe::Probe;
+use crate::verify::probe::{Pass, Probe};
 use crate::verify::rays::{Ray, RayKind};
 use crate::verify::speed::median;
 use crate::verify::weights::Weights;
@@ -30,9 +30,12 @@ impl<'a> Pace<'a> {
         repeats: u32,
     ) -> Result<Self, String> {
         let seconds = PerKind::try_of(|kind| {
-            seconds(probe.as_ref(), kind, &rays[kind])?;
-            let times: Result<Vec<f64>, String> =
-                (0..repeats.max(1)).map(|_| seconds(probe.as_ref(), kind, &rays[kind])).collect();
+            if rays[kind].is_empty() {
+                return Ok(0.0);
+            }
+            let mut pass = probe.pass(kind, &rays[kind])?;
+            pass()?;
+            let times: Result<Vec<f64>, String> = (0..repeats.max(1)).map(|_| seconds(&mut pass)).collect();
             times.map(|times| median(&times))
         })?;
         Ok(Pace { probe, rays, seconds, repeats: repeats.max(1) })
@@ -62,13 +65,15 @@ impl<'a> Pace<'a> {
             return Ok(vec![0.0; probes.len()]);
         }
         let mut ratios = vec![Vec::new(); probes.len()];
-        for probe in probes {
-            seconds(*probe, kind, rays)?;
+        let passes: Result<Vec<Pass>, String> = probes.iter().map(|probe| probe.pass(kind, rays)).collect();
+        let (mut passes, mut of_input) = (passes?, self.probe.pass(kind, rays)?);
+        for pass in &mut passes {
+            pass()?;
         }
-        let mut before = seconds(self.probe.as_ref(), kind, rays)?;
+        let mut before = seconds(&mut of_input)?;
         for _ in 0..self.repeats {
-            let times: Result<Vec<f64>, String> = probes.iter().map(|probe| seconds(*probe, kind, rays)).collect();
-            let after = seconds(self.probe.as_ref(), kind, rays)?;
+            let times: Result<Vec<f64>, String> = passes.iter_mut().map(seconds).collect();
+            let after = seconds(&mut of_input)?;
             let around = 0.5 * (before + after);
             ratios.iter_mut().zip(times?).for_each(|(ratios, time)| ratios.push(time / around));
             before = after;
@@ -78,7 +83,7 @@ impl<'a> Pace<'a> {
     }
 }
 
-/// Returns the seconds a tracer takes; a clock that did not advance counts as one nanosecond.
-fn seconds(probe: &dyn Probe, kind: RayKind, rays: &[Ray]) -> Result<f64, String> {
-    Ok(if rays.is_empty() { 0.0 } else { probe.seconds(kind, rays)?.max(1e-9) })
+/// Returns the seconds of a pass; a clock that did not advance counts as one nanosecond.
+fn seconds(pass: &mut Pass<'_>) -> Result<f64, String> {
+    Ok(pass()?.max(1e-9))
 }
