@@ -163,6 +163,7 @@ impl RenderArguments {
                 instances: shows(MaskArgument::Instances),
             },
             load: self.obj.load(),
+            ..RenderOptions::default()
         }
     }
 

@@ -24,6 +24,9 @@ pub enum RenderError {
     /// The end of the scale is not a positive number.
     #[error("the scale must end at a finite number above 0, not at {0}")]
     Scale(f64),
+    /// The brightness of the light is not a number of at least 0.
+    #[error("the brightness of the light must be a finite number of at least 0, not {0}")]
+    LightPower(f64),
     /// There are too many boxes to be told apart.
     #[error("{}; at most {MOST_BOXES} are drawn", too_many(*count, *depth))]
     Boxes {

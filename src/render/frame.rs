@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::draws::{Draws, Purpose};
 use super::probe::{Probe, Tracing, on_device};
-use super::{Camera, RenderError, RenderOptions, View};
+use super::{Camera, Light, RenderError, RenderOptions, View};
 use crate::verify::DeviceError;
 use crate::verify::rays::Ray;
 use crate::verify::view::View as Sight;
@@ -23,6 +23,8 @@ pub(super) struct Frame {
     pub(super) size: [u32; 2],
     /// Samples per pixel.
     pub(super) samples: u32,
+    pub(super) light: Option<Light>,
+    pub(super) light_power: Option<f64>,
     seed: u64,
 }
 
@@ -40,7 +42,8 @@ impl Frame {
     pub(super) fn new(view: View, camera: &Camera, options: &RenderOptions) -> Result<Frame, RenderError> {
         let samples = options.checked(view)?;
         let [width, height] = options.size.map(f64::from);
-        Ok(Frame { sight: camera.sight.fitted(width / height), size: options.size, samples, seed: options.seed })
+        let RenderOptions { size, seed, light, light_power, .. } = *options;
+        Ok(Frame { sight: camera.sight.fitted(width / height), size, samples, light, light_power, seed })
     }
 
     /// Returns the number of pixels.

@@ -58,7 +58,7 @@ pub use colour::ColourMap;
 pub use costs::{Costs, MeanSteps};
 pub use difference::{Cause, Differences};
 pub use error::RenderError;
-pub use options::{MOST_PIXELS, MOST_SAMPLES, MOST_SIDE, RenderOptions};
+pub use options::{Light, MOST_PIXELS, MOST_SAMPLES, MOST_SIDE, RenderOptions};
 pub use picture::{Picture, Statistics, Unit, Values};
 pub use texture::BadImage;
 

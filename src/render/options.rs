@@ -2,6 +2,7 @@
 
 use super::{ColourMap, Masks, RenderError, View};
 use crate::scene::LoadOptions;
+pub use crate::verify::rays::shot::Light;
 
 /// Largest width or height of a picture, in pixels.
 pub const MOST_SIDE: u32 = 16_384;
@@ -30,6 +31,11 @@ pub struct RenderOptions {
     pub masks: Masks,
     /// How the files are read.
     pub load: LoadOptions,
+    /// Shaded: the area light; `None` for one that suits the scene.
+    pub light: Option<Light>,
+    /// Shaded: brightness of the light over the default; at least 0. `None` for a picture as bright as it needs: a dark one
+    /// then gets more light.
+    pub light_power: Option<f64>,
 }
 
 impl Default for RenderOptions {
@@ -43,6 +49,8 @@ impl Default for RenderOptions {
             depth: None,
             masks: Masks::default(),
             load: LoadOptions::default(),
+            light: None,
+            light_power: None,
         }
     }
 }
@@ -71,7 +79,10 @@ impl RenderOptions {
             () if samples == 0 || samples > MOST_SAMPLES => Err(RenderError::Samples(samples)),
             () => match self.scale {
                 Some(scale) if !(scale > 0.0 && scale.is_finite()) => Err(RenderError::Scale(scale)),
-                _ => Ok(samples),
+                _ => match self.light_power {
+                    Some(power) if !(power >= 0.0 && power.is_finite()) => Err(RenderError::LightPower(power)),
+                    _ => Ok(samples),
+                },
             },
         }
     }

@@ -12,7 +12,7 @@ use super::frame::Frame;
 use super::look::{Look, Looks};
 use super::probe::{Probe, Tracing};
 use super::surface::Spot;
-use super::{Picture, Renderer, Statistics};
+use super::{Light, Picture, Renderer, Statistics};
 use crate::scene::{InstanceId, Scene};
 use crate::verify::rays::{Ray, off_surface};
 use crate::verify::view::Stage;
@@ -40,11 +40,16 @@ pub(super) struct Shader<'r, 'a> {
     scene: &'r Scene,
     looks: &'r Looks<'a>,
     stage: Stage,
+    /// The area light; `None` for that of the stage.
+    light: Option<Light>,
+    /// Its brightness over the default.
+    power: f32,
 }
 
 /// Draws the shaded picture.
 pub(super) fn picture(renderer: &Renderer, frame: &Frame, tracing: &Tracing) -> Result<Picture, DeviceError> {
-    let shader = Shader::of(renderer);
+    let power = frame.light_power.map_or(1.0, |power| power as f32);
+    let shader = Shader { light: frame.light, power, ..Shader::of(renderer) };
     let of_pixel = |samples: &mut dyn Iterator<Item = (Vec3, bool)>| {
         let add = |(sum, hits): (Vec3, u32), (light, is_hit): (Vec3, bool)| {
             (sum + light.min(Vec3::splat(MOST_LIGHT)), hits + u32::from(is_hit))
@@ -54,7 +59,10 @@ pub(super) fn picture(renderer: &Renderer, frame: &Frame, tracing: &Tracing) -> 
     };
     let of_pixels = frame.each(tracing, |probe, sample| shader.light(probe, sample.ray, sample.draws), of_pixel)?;
     let seen_ratio = frame.seen_ratio(of_pixels.iter().map(|(_, hits)| *hits));
-    let exposure = exposure(of_pixels.iter().map(|(light, _)| *light));
+    let exposure = match frame.light_power {
+        Some(_) => 1.0,
+        None => exposure(of_pixels.iter().map(|(light, _)| *light)),
+    };
     let pixels = of_pixels.into_iter().map(|(light, _)| encoded(exposure * light)).collect();
     Ok(Picture::of(frame.size, pixels, Statistics { seen_ratio, ..Statistics::default() }))
 }
@@ -71,7 +79,8 @@ fn exposure(pixels: impl ExactSizeIterator<Item = Vec3>) -> f32 {
 
 impl<'r, 'a> Shader<'r, 'a> {
     pub(super) fn of(renderer: &'r Renderer<'a>) -> Shader<'r, 'a> {
-        Shader { scene: renderer.scene, looks: renderer.looks(), stage: renderer.stage }
+        let Renderer { scene, stage, .. } = *renderer;
+        Shader { scene, looks: renderer.looks(), stage, light: None, power: 1.0 }
     }
 
     /// Returns the light that comes against a ray, and whether the ray hits anything.
@@ -135,7 +144,7 @@ impl<'r, 'a> Shader<'r, 'a> {
     /// Returns the light of the lamp on a point: from a point of the lamp that two random numbers choose, as far as nothing
     /// is in between.
     fn lamp(&self, probe: &mut Probe, spot: &Spot, look: &Look, point: [f64; 2]) -> Vec3 {
-        let way = self.stage.light(point) - spot.point;
+        let way = self.light.map_or_else(|| self.stage.light(point), |light| light.at(point)) - spot.point;
         let distance = way.length();
         let cosine = look.normal.as_dvec3().dot(way) / distance;
         if !(cosine > 0.0 && spot.normal.dot(way) > 0.0) {
@@ -145,7 +154,7 @@ impl<'r, 'a> Shader<'r, 'a> {
         let ray = Ray { t_max: distance as f32, ..Ray::endless(start, way) };
         let share = distance / self.stage.radius;
         let strength = LAMP[usize::from(!self.stage.enclosed)] * 1.6 / (0.6 + share * share) as f32;
-        strength * cosine as f32 * self.left_of(probe, &ray)
+        self.power * strength * cosine as f32 * self.left_of(probe, &ray)
     }
 
     /// Returns the share of light that passes all that is on a ray.

@@ -136,3 +136,34 @@ fn light_falls_on_what_faces_the_lamp() {
     let [above, below] = [seen_from(3.0), seen_from(-3.0)];
     assert!(above > below + 60, "{above} {below}");
 }
+
+#[test]
+fn place_size_and_power_of_the_light_change_the_picture() {
+    // A small square above the middle of a larger one casts a shadow.
+    let corners = |y: f64, half: f64| {
+        [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]].map(|[x, z]| format!("v {} {y} {}\n", half * x, half * z))
+    };
+    let faces =
+        |first: usize| format!("f {first} {} {}\nf {first} {} {}\n", first + 1, first + 2, first + 2, first + 3);
+    let text = [corners(0.0, 1.0).concat(), corners(0.5, 0.2).concat(), faces(1), faces(5)].concat();
+    let (doc, scene) = read(&text);
+    let renderer = Renderer::new(&doc, &scene).expect("something to see");
+    let choice =
+        CameraChoice::At { eye: glam::DVec3::new(0.0, 3.0, 2.0), target: glam::DVec3::ZERO, field_degrees: 40.0 };
+    let camera = renderer.camera(&choice).expect("it shows something");
+    let pixels = |corner: [f64; 3], size, light_power| {
+        let light = Some(Light { corner: glam::DVec3::from_array(corner), size });
+        let options = RenderOptions { samples: Some(8), light, light_power: Some(light_power), ..options() };
+        renderer.picture(View::Shaded, &camera, &options).expect("sound options").pixels
+    };
+    let light = |pixels: &[u8]| pixels.iter().map(|&value| u64::from(value)).sum::<u64>();
+    let above = [-0.1, 2.0, -0.1];
+    let base = pixels(above, 0.2, 1.0);
+    assert_eq!(pixels(above, 0.2, 1.0), base);
+    assert_ne!(pixels([1.5, 2.0, -0.1], 0.2, 1.0), base, "the shadow moves");
+    assert_ne!(pixels([-1.0, 2.0, -1.0], 2.0, 1.0), base, "the shadow softens");
+    let [dark, dim, bright] = [0.0, 0.25, 4.0].map(|power| light(&pixels(above, 0.2, power)));
+    assert!(dark < dim && dim < light(&base) && light(&base) < bright, "{dark} {dim} {bright}");
+    let bad = RenderOptions { light_power: Some(-1.0), ..options() };
+    assert_eq!(renderer.picture(View::Shaded, &camera, &bad).err(), Some(RenderError::LightPower(-1.0)));
+}

@@ -9,15 +9,16 @@ use crate::verify::view::View;
 
 /// A horizontal, square area light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Light {
+pub struct Light {
     /// The corner with the least coordinates, in world units.
-    pub(crate) corner: DVec3,
+    pub corner: DVec3,
     /// Length of its sides along x and z, in world units; at least 0.
-    pub(crate) size: f64,
+    pub size: f64,
 }
 
 impl Light {
-    fn at(&self, [x, z]: [f64; 2]) -> DVec3 {
+    /// Returns a point of it for two numbers in [0, 1].
+    pub(crate) fn at(&self, [x, z]: [f64; 2]) -> DVec3 {
         self.corner + self.size * DVec3::new(x, 0.0, z)
     }
 }
