@@ -58,6 +58,12 @@ enum LabCommand {
         /// What traces: auto, cpu, an index or part of a name
         #[arg(long, value_name = "DEVICE", default_value = "auto")]
         device: String,
+        /// Degrees Celsius to which a GPU cools down before each run
+        #[arg(long, value_name = "CELSIUS", default_value_t = 60.0, value_parser = at_least_zero)]
+        max_temperature: f64,
+        /// Seconds after which a run begins even if the GPU is warmer
+        #[arg(long, value_name = "SECONDS", default_value_t = 300.0, value_parser = at_least_zero)]
+        cooling_timeout: f64,
         /// Keep rows of an earlier run that are in the folder already
         #[arg(long)]
         resume: bool,
@@ -84,18 +90,31 @@ pub(super) fn run(arguments: &LabArguments, output: &Output) -> Result<ExitCode>
         (Some(LabCommand::Generate { scenes: GeneratedScenes::Extreme, out, seed, large }), _) => {
             generate(out, *seed, *large, output)
         }
-        (Some(LabCommand::Thesis { scenes, out, quick, seconds, device, resume }), _) => {
-            let device = device.as_str().into();
-            let (scenes, out) = (scenes.clone(), out.clone());
-            let options =
-                lab::thesis::ThesisOptions { scenes, out, quick: *quick, seconds: *seconds, device, resume: *resume };
-            thesis(&options, output)
-        }
+        (Some(command @ LabCommand::Thesis { .. }), _) => thesis(&command.thesis(), output),
         (Some(LabCommand::Convert { file, output: to }), _) => convert(file, to, output),
         (None, Some(config)) if lab::lists_actions(config) => act(config, arguments.resume, output),
         (None, Some(_)) if arguments.resume => bail!("--resume needs a list of actions"),
         (None, Some(config)) => measure(config, output),
         (None, None) => bail!("a configuration is needed"),
+    }
+}
+
+impl LabCommand {
+    /// Returns what to repeat of the thesis.
+    fn thesis(&self) -> lab::thesis::ThesisOptions {
+        let LabCommand::Thesis { scenes, out, quick, seconds, device, max_temperature, cooling_timeout, resume } = self
+        else {
+            unreachable!("it is the command `thesis`")
+        };
+        lab::thesis::ThesisOptions {
+            scenes: scenes.clone(),
+            out: out.clone(),
+            quick: *quick,
+            seconds: *seconds,
+            device: device.as_str().into(),
+            limits: lab::Limits { temperature: *max_temperature, timeout: *cooling_timeout },
+            resume: *resume,
+        }
     }
 }
 
@@ -132,7 +151,14 @@ fn act(file: &Path, resume: bool, output: &Output) -> Result<ExitCode> {
         let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
         done.notes.iter().chain(warnings).for_each(|note| print_note(note));
     }
-    Ok(ExitCode::SUCCESS)
+    done.failures.iter().for_each(|why| print_error(format_args!("{why}")));
+    Ok(if done.failures.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
+}
+
+/// Reads a number of at least 0.
+fn at_least_zero(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| *number >= 0.0 && number.is_finite());
+    number.ok_or_else(|| "not a number of at least 0".to_owned())
 }
 
 /// Reads a number of seconds.
@@ -150,7 +176,7 @@ fn thesis(options: &lab::thesis::ThesisOptions, output: &Output) -> Result<ExitC
     if !output.quiet {
         print(format!("{} rows; the page is {}\n", done.rows, done.page.display()).as_bytes())?;
         let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
-        done.failures.iter().chain(warnings).for_each(|note| print_note(note));
+        done.failures.iter().chain(&done.notes).chain(warnings).for_each(|note| print_note(note));
     }
     Ok(if done.rows == 0 { ExitCode::from(FAILED) } else { ExitCode::SUCCESS })
 }

@@ -4,6 +4,7 @@
 mod actions;
 mod bench;
 mod config;
+mod cooling;
 mod error_vs_time;
 pub mod extreme;
 mod fit;
@@ -24,7 +25,8 @@ use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
 
 pub use actions::{ActionsResult, lists_actions, run_actions};
-pub use bench::{KindRun, RunRow};
+pub use bench::{KindRun, MotionRun, RunRow};
+pub use cooling::Limits;
 pub use error_vs_time::{ErrorRow, Value};
 pub use fit::{Fit, FitError, KindFit, Predicted, SCHEMA};
 pub use flags::FlagsRow;

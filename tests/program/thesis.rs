@@ -17,16 +17,22 @@ fn the_thesis_is_repeated_quickly_on_the_samples() {
     assert_eq!(ran.status, 0, "{}", ran.stderr);
     assert_eq!(folder_names(Path::new(&out)), ["figures", "runs.csv", "runs.jsonl", "thesis.html", "thesis.md"]);
     let text = fs::read_to_string(Path::new(&out).join("thesis.md")).unwrap();
-    for words in
-        ["Table 5.1", "Table 5.2", "Table 5.3", "not at hand", "a sample in place of", "do not predict GPU speed"]
-    {
+    for words in [
+        "Table 5.1",
+        "Table 5.2",
+        "Table 5.3",
+        "over 3 frames; the TLAS is rebuilt every 2 frames",
+        "not at hand",
+        "a sample in place of",
+        "do not predict GPU speed",
+    ] {
         assert!(text.contains(words), "{words}");
     }
     let page = fs::read_to_string(Path::new(&out).join("thesis.html")).unwrap();
     assert!(page.matches("<svg").count() >= 8 && page.matches("<img").count() == 6);
     let rows = fs::read_to_string(Path::new(&out).join("runs.csv")).unwrap().lines().count();
-    // Twenty trials without instances; five methods with two numbers of them, and two with most.
-    assert_eq!(rows, 1 + 3 * (20 + 5 * 2 + 2));
+    // Twenty trials without instances; six methods with two numbers of them, and two with most.
+    assert_eq!(rows, 1 + 3 * (20 + 6 * 2 + 2));
     for figure in folder_names(&Path::new(&out).join("figures")) {
         assert!(text.contains(&figure) || figure.ends_with(".png"), "{figure} is on the page");
     }
@@ -209,4 +215,103 @@ fn files_are_converted_and_lost_comments_are_counted() {
     assert_eq!((ran.status, fs::read_to_string(at("b.env")).unwrap().as_str()), (0, "BUILD_FLAGS=6\n"));
     let ran = raykiln(["lab", "convert", &at("a.env"), "-o", &at("b.scn")]);
     assert_eq!(ran.status, 2, "{}", ran.stderr);
+}
+
+#[test]
+fn a_scene_that_cannot_be_read_is_a_row_and_the_others_are_measured() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    scene_with_model(folder.path());
+    fs::write(at("models/broken.glb"), "no scene").unwrap();
+    fs::write(at("broken.scn"), "SCENE_NAME=broken\nMODEL_FILE_NAME=models/broken.glb\n").unwrap();
+    let run = r#"{ "actions": [ { "type": "run", "scenes": ["broken.scn", "room.scn"], "envs": ["one.env"], "passes": 1,
+        "device": "cpu" } ] }"#;
+    fs::write(at("a.json"), run).unwrap();
+    let rows = || {
+        let text = fs::read_to_string(at("a-results/runs.jsonl")).unwrap();
+        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect::<Vec<serde_json::Value>>()
+    };
+    let file = at("a.json").display().to_string();
+    let ran = raykiln(["lab", &file]);
+    assert_eq!(ran.status, 1, "{}", ran.stderr);
+    assert!(
+        ran.stderr.contains("error: one on broken: ") && ran.stderr.contains("models/broken.glb"),
+        "{}",
+        ran.stderr
+    );
+    let [broken, sound] = &rows()[..] else { panic!("two rows") };
+    assert!(broken["scene"] == "broken" && broken["environment"] == "one", "{broken}");
+    assert!(broken["failure"].as_str().is_some_and(|why| why.contains("models/broken.glb")), "{broken}");
+    assert!(sound["scene"] == "first" && sound["failure"].is_null() && sound["all_mrays_per_s"].as_f64() > Some(0.0));
+
+    fs::copy(at("models/scene.glb"), at("models/broken.glb")).unwrap();
+    let ran = raykiln(["lab", &file, "--resume"]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let again = rows();
+    assert!(again.len() == 2 && again[0] == *sound && again[1]["scene"] == "broken", "what failed is tried again");
+}
+
+#[test]
+fn keys_of_light_and_heat_change_the_pictures() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    scene_with_model(folder.path());
+    let light = "LIGHT_ORIGIN=0 9 0\nLIGHT_SIZE=1\nLIGHT_POWER=0.5\n";
+    let scene = |name: &str, light: &str| {
+        fs::write(at(&format!("{name}.scn")), format!("SCENE_NAME={name}\nMODEL_FILE_NAME=models/scene.glb\n{light}"))
+            .unwrap();
+    };
+    scene("base", light);
+    scene("moved", &light.replace("0 9 0", "8 9 8"));
+    scene("large", &light.replace("SIZE=1", "SIZE=8"));
+    scene("bright", &light.replace("0.5", "2"));
+    for scale in [4, 40] {
+        let text = format!(
+            "ENVIRONMENT_NAME=heat{scale}\nSINGLE_GAS=1\nWIDTH=24\nHEIGHT=16\nPIXEL_SAMPLES=4\nHEATSCALE={scale}\n"
+        );
+        fs::write(at(&format!("heat{scale}.env")), text).unwrap();
+    }
+    let run = r#"{ "out": "out", "actions": [ { "type": "run", "scenes": ["base.scn", "moved.scn", "large.scn", "bright.scn"],
+        "envs": ["heat4.env", "heat40.env"], "passes": 1, "device": "cpu", "pictures": ["shaded", "heatmap"] } ] }"#;
+    fs::write(at("a.json"), run).unwrap();
+    let ran = raykiln(["lab", &at("a.json").display().to_string()]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let picture = |name: &str| fs::read(at("out").join(name)).unwrap();
+    let base = picture("base-heat4-shaded.png");
+    for name in ["moved", "large", "bright"] {
+        assert_ne!(picture(&format!("{name}-heat4-shaded.png")), base, "{name}");
+    }
+    assert_eq!(picture("base-heat40-shaded.png"), base, "the heat scale is that of heat maps only");
+    assert_eq!(picture("moved-heat4-heatmap.png"), picture("base-heat4-heatmap.png"), "light costs nothing there");
+    assert_ne!(picture("base-heat40-heatmap.png"), picture("base-heat4-heatmap.png"));
+}
+
+#[test]
+#[cfg(feature = "vulkan")]
+fn build_flags_and_the_rebuild_interval_take_effect_on_a_device() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    scene_with_model(folder.path());
+    for (flags, interval) in [(0, 1), (2, 2), (5, 0)] {
+        let text = format!(
+            "ENVIRONMENT_NAME=e{flags}\nWIDTH=8\nHEIGHT=6\nBUILD_FLAGS={flags}\nSCENE_REBUILD_INTERVAL={interval}\n"
+        );
+        fs::write(at(&format!("{flags}.env")), text).unwrap();
+    }
+    let run = format!(
+        r#"{{ "actions": [ {GENERATE}, {{ "type": "run", "scenes": ["room_3.scn"], "envs": ["0.env", "2.env", "5.env"],
+        "passes": 1, "frames": 5, "device": "llvmpipe" }} ] }}"#
+    );
+    fs::write(at("a.json"), run).unwrap();
+    let ran = raykiln(["lab", &at("a.json").display().to_string()]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let text = fs::read_to_string(at("a-results/runs.jsonl")).unwrap();
+    let rows: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let motion = |row: &serde_json::Value| ["frames", "rebuilds", "wrong_hits"].map(|key| row["motion"][key].as_u64());
+    let expected = [[Some(5), Some(5), Some(0)], [Some(5), Some(3), Some(0)], [Some(5), Some(1), Some(0)]];
+    assert_eq!(rows.iter().map(motion).collect::<Vec<_>>(), expected);
+    let of = |key: &str| rows.iter().map(|row| row[key].as_u64().expect("a number")).collect::<Vec<_>>();
+    assert_eq!(of("build_flags"), [0, 2, 5]);
+    let bytes = of("blas_bytes");
+    assert!(bytes[1] < bytes[0], "compaction saves bytes: {bytes:?}");
 }

@@ -67,6 +67,8 @@ pub(super) struct RunKeys {
     pub(super) seconds: Option<f64>,
     /// Passes over the picture that a run is timed for, instead of seconds.
     pub(super) passes: Option<u32>,
+    /// Frames of scenes with instances that move; 0 for none.
+    pub(super) frames: Option<u32>,
     pub(super) seed: Option<u64>,
     pub(super) device: Option<String>,
     /// Degrees Celsius to which the GPU cools down before each run.

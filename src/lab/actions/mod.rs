@@ -3,7 +3,6 @@
 //! results of one feed the next. `docs/lab.md` describes every key.
 
 mod config;
-mod cooling;
 mod generate;
 mod plot;
 mod run;
@@ -28,6 +27,8 @@ pub struct ActionsResult {
     pub figures: Vec<PathBuf>,
     /// The folder of rows, figures and pictures.
     pub out: PathBuf,
+    /// Runs that failed and pictures that could not be drawn, with the causes.
+    pub failures: Vec<String>,
     /// What was not done as asked for, in words.
     pub notes: Vec<String>,
     /// What the readers of the scenes repaired or omitted.
@@ -39,7 +40,8 @@ pub struct ActionsResult {
 ///
 /// # Errors
 /// Fails if the file or one that it names is wrong, before anything is measured; or if the device cannot be used or a file
-/// cannot be written. Rows measured until then are kept.
+/// cannot be written. Rows measured until then are kept. A scene that cannot be read or traced is a row with the cause, and
+/// the others are measured.
 pub fn run_actions(file: &Path, resume: bool, progress: &mut dyn FnMut(&Step)) -> Result<ActionsResult, LabError> {
     let config = Actions::read(file)?;
     let plans = plan(&config)?;

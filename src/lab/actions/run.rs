@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use super::ActionsResult;
 use super::config::{Actions, Generated, Listed, RunKeys};
-use super::cooling::{Cooling, Limits, MAX_TEMPERATURE, TIMEOUT};
 use crate::lab::LabError;
-use crate::lab::bench::{Bench, RunTable, Session, Setup, Subject};
+use crate::lab::bench::{Bench, RunRow, RunTable, Session, Setup, Subject};
+use crate::lab::cooling::{Cooling, Limits, MAX_TEMPERATURE, TIMEOUT};
 use crate::lab::thesis_files::SettingsFile;
 use crate::render::{Camera, RenderOptions, Renderer, View};
 use crate::verify::DeviceChoice;
@@ -16,7 +16,10 @@ use crate::verify::probe::Until;
 /// Seconds that a run is timed for, as in the thesis.
 const SECONDS: f64 = 10.0;
 
-/// Largest number of passes.
+/// Frames of scenes with instances that move.
+const FRAMES: u32 = 64;
+
+/// Largest number of passes, and of frames.
 const MOST_PASSES: u32 = 1_000_000;
 
 /// What an action measures.
@@ -47,6 +50,9 @@ impl Plan {
             }
             RunKeys { passes: Some(n), .. } if !(1..=MOST_PASSES).contains(n) => {
                 return Err(out_of_range("passes", "an integer from 1 to 1000000"));
+            }
+            RunKeys { frames: Some(n), .. } if *n > MOST_PASSES => {
+                return Err(out_of_range("frames", "an integer from 0 to 1000000"));
             }
             RunKeys { max_temperature, cooling_timeout, .. } => {
                 for (name, value) in [("max_temperature", max_temperature), ("cooling_timeout", cooling_timeout)] {
@@ -108,10 +114,33 @@ impl<'a> Tables<'a> {
     }
 }
 
+/// Where an action writes to.
+struct Output<'o, 't> {
+    tables: &'o mut Tables<'t>,
+    result: &'o mut ActionsResult,
+}
+
+impl Output<'_, '_> {
+    /// Writes a row that was not measured.
+    fn fail(&mut self, row: RunRow) -> Result<(), LabError> {
+        self.tables.get()?.append(&row)?;
+        self.add(row);
+        Ok(())
+    }
+
+    fn add(&mut self, row: RunRow) {
+        let wrong = row.motion.as_ref().map_or(0, |motion| motion.wrong_hits);
+        let wrong = (wrong > 0).then(|| format!("{wrong} rays of the last frame hit something else than they should"));
+        let failed = row.failure.clone().into_iter().chain(wrong);
+        self.result.failures.extend(failed.map(|why| format!("{} on {}: {why}", row.environment, row.scene)));
+        self.result.rows.push(row);
+    }
+}
+
 /// Runs all environments on all scenes. `tell` is told of each run before it begins.
 ///
 /// # Errors
-/// Fails if a scene cannot be read, the device cannot be used or a file cannot be written.
+/// Fails if the device cannot be used or a file cannot be written.
 pub(super) fn run(
     keys: &RunKeys,
     plan: &Plan,
@@ -120,31 +149,19 @@ pub(super) fn run(
     tell: &mut dyn FnMut(String),
 ) -> Result<(), LabError> {
     let mut runner = Runner::new(keys, plan)?;
+    let mut output = Output { tables, result };
     for scene in &plan.scenes {
         for (environment, setups) in &plan.environments {
-            let subject = Subject::of(scene, Some(environment))?;
-            result
-                .warnings
-                .extend(subject.warnings.iter().filter(|w| !result.warnings.contains(w)).cloned().collect::<Vec<_>>());
-            for (device, of_device) in by_device(setups) {
-                let bench = runner.bench(&device)?;
-                let mut session = Session::new(&runner.benches[bench].1, &subject).map_err(LabError::Read)?;
-                for setup in of_device {
-                    tell(format!("{} on {}", setup.name, subject.name));
-                    let row = match tables.get()?.known(&session.id(setup)).cloned() {
-                        Some(row) => row,
-                        None => {
-                            runner.cooling.iter_mut().for_each(Cooling::wait);
-                            let row = session.run(setup).map_err(LabError::Read)?;
-                            tables.get()?.append(&row)?;
-                            row
-                        }
-                    };
-                    draw(&session, setup, &plan.views, tables.folder, result)?;
-                    result
-                        .notes
-                        .extend(row.failure.iter().map(|why| format!("{} on {}: {why}", setup.name, subject.name)));
-                    result.rows.push(row);
+            match Subject::of(scene, Some(environment)) {
+                Ok(subject) => {
+                    let warnings = &mut output.result.warnings;
+                    let new = subject.warnings.iter().filter(|w| !warnings.contains(w)).cloned().collect::<Vec<_>>();
+                    warnings.extend(new);
+                    runner.subject(&subject, setups, &plan.views, &mut output, tell)?;
+                }
+                Err(why) => {
+                    let row = |setup: &Setup| RunRow::of_unread(scene, setup, &why.to_string());
+                    setups.iter().map(row).try_for_each(|row| output.fail(row))?;
                 }
             }
         }
@@ -169,6 +186,7 @@ struct Runner {
     device: DeviceChoice,
     until: Until,
     seed: u64,
+    frames: u32,
     benches: Vec<(DeviceChoice, Bench)>,
     /// `None` if nothing is traced on a device.
     cooling: Option<Cooling>,
@@ -178,7 +196,8 @@ impl Runner {
     fn new(keys: &RunKeys, plan: &Plan) -> Result<Runner, LabError> {
         let until = keys.passes.map_or(Until::Seconds(keys.seconds.unwrap_or(SECONDS)), Until::Passes);
         let device = keys.device.as_deref().map_or(DeviceChoice::Auto, DeviceChoice::from);
-        let mut runner = Runner { device, until, seed: keys.seed.unwrap_or(1), benches: Vec::new(), cooling: None };
+        let (seed, frames) = (keys.seed.unwrap_or(1), keys.frames.unwrap_or(FRAMES));
+        let mut runner = Runner { device, until, seed, frames, benches: Vec::new(), cooling: None };
         for setup in plan.environments.iter().flat_map(|(_, setups)| setups) {
             runner.bench(&setup.device)?;
         }
@@ -186,10 +205,45 @@ impl Runner {
             temperature: keys.max_temperature.unwrap_or(MAX_TEMPERATURE),
             timeout: keys.cooling_timeout.unwrap_or(TIMEOUT),
         };
-        let has_device =
-            runner.benches.iter().any(|(_, bench)| bench.machine.name().1 == crate::verify::MachineKind::Gpu);
-        runner.cooling = has_device.then(|| Cooling::open(limits));
+        runner.cooling = Cooling::of(runner.benches.iter().map(|(_, bench)| &bench.machine), limits);
         Ok(runner)
+    }
+
+    /// Runs setups on a scene.
+    fn subject(
+        &mut self,
+        subject: &Subject,
+        setups: &[Setup],
+        views: &[View],
+        output: &mut Output,
+        tell: &mut dyn FnMut(String),
+    ) -> Result<(), LabError> {
+        for (device, of_device) in by_device(setups) {
+            let bench = self.bench(&device)?;
+            let mut session = match Session::new(&self.benches[bench].1, subject) {
+                Ok(session) => session,
+                Err(why) => {
+                    let row = |setup: &&Setup| RunRow::of_failed(subject, setup, &why);
+                    of_device.iter().map(row).try_for_each(|row| output.fail(row))?;
+                    continue;
+                }
+            };
+            for setup in of_device {
+                tell(format!("{} on {}", setup.name, subject.name));
+                let row = match output.tables.get()?.known(&session.id(setup)).cloned() {
+                    Some(row) => row,
+                    None => {
+                        self.cooling.iter_mut().for_each(Cooling::wait);
+                        let row = session.run(setup).unwrap_or_else(|why| RunRow::of_failed(subject, setup, &why));
+                        output.tables.get()?.append(&row)?;
+                        row
+                    }
+                };
+                draw(&session, setup, views, output.tables.folder, output.result)?;
+                output.add(row);
+            }
+        }
+        Ok(())
     }
 
     /// Returns the number of the bench of an environment's device, or else of the action's.
@@ -198,7 +252,7 @@ impl Runner {
         if let Some(at) = self.benches.iter().position(|(of, _)| *of == device) {
             return Ok(at);
         }
-        let bench = Bench::open(&device, self.until, self.seed)?;
+        let bench = Bench { frames: self.frames, ..Bench::open(&device, self.until, self.seed)? };
         self.benches.push((device, bench));
         Ok(self.benches.len() - 1)
     }
@@ -216,22 +270,30 @@ fn draw(
         return Ok(());
     }
     let subject = session.subject;
-    let failed = |e: crate::render::RenderError| LabError::Read(format!("{}: {e}", subject.name));
-    let scene = subject.with_instances(session.lay_out(setup).stored);
-    let renderer = Renderer::new(&subject.doc, &scene).map_err(failed)?;
+    let scene = subject.with_instances(&session.lay_out(setup).stored);
     let camera = Camera::of(session.view().clone());
     let options = RenderOptions {
         size: setup.picture.size,
         samples: Some(setup.picture.samples),
         scale: setup.picture.heat_scale,
+        light: subject.light,
+        light_power: subject.light_power,
         ..RenderOptions::default()
     };
     fs::create_dir_all(folder).map_err(|e| LabError::file(folder, e))?;
-    for &view in views {
-        let picture = renderer.picture(view, &camera, &options).map_err(failed)?;
-        let path = folder.join(picture_name(&subject.name, setup, view));
-        fs::write(&path, picture.png()).map_err(|e| LabError::file(&path, e))?;
-        result.figures.push(path);
+    let pictures = Renderer::new(&subject.doc, &scene).and_then(|renderer| {
+        let drawn = |&view| Ok((view, renderer.picture(view, &camera, &options)?));
+        views.iter().map(drawn).collect::<Result<Vec<_>, _>>()
+    });
+    match pictures {
+        Ok(pictures) => {
+            for (view, picture) in pictures {
+                let path = folder.join(picture_name(&subject.name, setup, view));
+                fs::write(&path, picture.png()).map_err(|e| LabError::file(&path, e))?;
+                result.figures.push(path);
+            }
+        }
+        Err(why) => result.failures.push(format!("no pictures of {} on {}: {why}", setup.name, subject.name)),
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use super::moving::MotionRun;
 use super::row::{KINDS, KindRun, RunRow};
 use super::setup::{PictureSetup, Setup, flags};
 use super::subject::Subject;
@@ -12,7 +13,10 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::cost::{self, Metrics};
 use crate::lab::LabError;
 use crate::lab::error_vs_time::Tracer;
+use crate::lab::thesis_files::SettingsFile;
 use crate::layout::{as_built, stored};
+use crate::motion::MovingScene;
+use crate::motion::frames::{FrameOptions, RebuildEvery};
 use crate::render::{CameraChoice, Renderer};
 use crate::scene::Scene;
 use crate::verify::build::BuildOptions;
@@ -22,10 +26,13 @@ use crate::verify::rays::shot::{Shot, of_shot};
 use crate::verify::rays::{Ray, RayKind};
 use crate::verify::speed::{median, spread_of_median};
 use crate::verify::view::View;
-use crate::verify::{DeviceChoice, Machine, PerKind, VerifyOptions};
+use crate::verify::{DeviceChoice, Machine, MachineKind, PerKind, VerifyOptions};
 
 /// Up to so many rays of a kind, what they hit first is found in double precision.
 const MOST_EXACT: usize = 1 << 16;
+
+/// Rays of a kind in each frame of a scene that moves, at most: they are generated anew in each frame.
+const MOST_MOVING: usize = 1 << 17;
 
 /// What measures.
 pub(in crate::lab) struct Bench {
@@ -34,6 +41,8 @@ pub(in crate::lab) struct Bench {
     pub(in crate::lab) until: Until,
     /// Seed of the rays.
     pub(in crate::lab) seed: u64,
+    /// Frames to trace of scenes with instances that move.
+    pub(in crate::lab) frames: u32,
 }
 
 impl Bench {
@@ -44,7 +53,7 @@ impl Bench {
     pub(in crate::lab) fn open(device: &DeviceChoice, until: Until, seed: u64) -> Result<Bench, LabError> {
         let machine = Machine::open(device);
         let machine = machine.map_err(|e| LabError::Device(e.to_string().replace("--device", "`device`")))?;
-        Ok(Bench { machine, until, seed })
+        Ok(Bench { machine, until, seed, frames: 0 })
     }
 }
 
@@ -101,17 +110,40 @@ impl<'a> Session<'a> {
     /// # Errors
     /// Fails if nothing can be traced. What the device cannot take is a row with the reason.
     pub(in crate::lab) fn run(&mut self, setup: &Setup) -> Result<RunRow, String> {
-        self.make_rays(&setup.picture)?;
         let laid = self.lay_out(setup);
-        let mut row = self.row(setup, &laid);
-        let scene = self.subject.with_instances(laid.stored);
-        row.instances = scene.instances.len() as u64;
+        self.run_laid(setup, &laid)
+    }
+
+    /// Runs an environment whose layout is made already.
+    ///
+    /// # Errors
+    /// Like [`Session::run`].
+    pub(in crate::lab) fn run_laid(&mut self, setup: &Setup, laid: &LaidOut) -> Result<RunRow, String> {
+        self.make_rays(&setup.picture)?;
+        let mut row = self.row(setup, laid);
+        let mut moving = self.subject.moving(&laid.stored);
+        row.instances = moving.scene().instances.len() as u64;
         let start = Instant::now();
-        match self.trace(&scene, setup, &mut row) {
+        match self.trace(moving.scene(), setup, &mut row) {
             Ok(()) => row.timed_seconds = start.elapsed().as_secs_f64(),
             Err(why) => row.failure = Some(why),
         }
+        self.trace_motion(&mut moving, setup, &mut row);
         Ok(row)
+    }
+
+    /// Traces the frames of a scene that moves, if what traced the row can.
+    fn trace_motion(&self, moving: &mut MovingScene, setup: &Setup, row: &mut RunRow) {
+        let Bench { machine, frames, seed, .. } = self.bench;
+        let is_by_machine = matches!(setup.tracer, None | Some(Tracer::Device)) || machine.name().1 == MachineKind::Cpu;
+        if row.failure.is_some() || !self.subject.moves() || *frames == 0 || !is_by_machine {
+            return;
+        }
+        let options = FrameOptions { frames: *frames, seed: *seed, camera: self.subject.orbit, ..frame_options(setup) };
+        match MotionRun::of(moving, machine, &options) {
+            Ok(motion) => row.motion = Some(motion),
+            Err(why) => row.failure = Some(format!("in motion: {why}")),
+        }
     }
 
     /// Runs the instances without the scene, with the rays of both.
@@ -120,21 +152,16 @@ impl<'a> Session<'a> {
     /// Like [`Session::run`].
     pub(in crate::lab) fn run_alone(&mut self, setup: &Setup) -> Result<RunRow, String> {
         self.make_rays(&setup.picture)?;
-        let scene = self.subject.with_instances(Scene::default());
+        let mut moving = self.subject.moving(&Scene::default());
         let mut row = RunRow {
             id: self.id(setup),
-            scene: self.subject.name.clone(),
-            environment: setup.name.clone(),
-            model: self.subject.model.clone(),
-            instances: scene.instances.len() as u64,
-            added_instances: scene.instances.len() as u64,
+            instances: moving.scene().instances.len() as u64,
+            added_instances: moving.scene().instances.len() as u64,
             build_flags: flags(&setup.bake.verify.build),
-            size: setup.picture.size,
-            pixel_samples: setup.picture.samples,
-            light_samples: setup.picture.light_samples,
-            ..RunRow::default()
+            ..RunRow::begun(self.subject, setup)
         };
-        row.failure = self.trace(&scene, setup, &mut row).err();
+        row.failure = self.trace(moving.scene(), setup, &mut row).err();
+        self.trace_motion(&mut moving, setup, &mut row);
         Ok(row)
     }
 
@@ -142,7 +169,8 @@ impl<'a> Session<'a> {
     pub(in crate::lab) fn id(&self, setup: &Setup) -> String {
         let Subject { name, model, views, light, instances, .. } = self.subject;
         let placed = instances.as_ref().map(|of| &of.copies);
-        let how = (env!("CARGO_PKG_VERSION"), self.bench.until, self.bench.seed, self.bench.machine.name());
+        let frames = self.subject.moves().then_some(self.bench.frames);
+        let how = (env!("CARGO_PKG_VERSION"), self.bench.until, self.bench.seed, self.bench.machine.name(), frames);
         let text = format!("{name} {model} {views:?} {light:?} {placed:?} {setup:?} {how:?}");
         blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
     }
@@ -165,7 +193,7 @@ impl<'a> Session<'a> {
         if self.rays.as_ref().is_some_and(|(of, _)| of == picture) {
             return Ok(());
         }
-        let scene = self.subject.with_instances(self.subject.scene.clone());
+        let scene = self.subject.with_instances(&self.subject.scene);
         let shot = Shot {
             views: self.views.clone(),
             light: self.subject.light,
@@ -249,15 +277,10 @@ impl<'a> Session<'a> {
 
     /// Returns what is known of a layout without tracing it.
     fn row(&self, setup: &Setup, laid: &LaidOut) -> RunRow {
-        let Setup { bake, picture, .. } = setup;
+        let bake = &setup.bake;
         let (subject, LaidOut { chosen, metrics, seconds, .. }) = (self.subject, laid);
         RunRow {
             id: self.id(setup),
-            scene: subject.name.clone(),
-            environment: setup.name.clone(),
-            settings: setup.swept.iter().cloned().collect(),
-            model: subject.model.clone(),
-            method: bake.choose.method.name().to_owned(),
             layout: chosen.selection.plan.to_string(),
             triangles: metrics.triangles_placed,
             meshes: metrics.instances,
@@ -271,11 +294,56 @@ impl<'a> Session<'a> {
             optimise_seconds: *seconds,
             build_flags: flags(&bake.verify.build),
             predicted_bytes: metrics.as_bytes(),
-            size: picture.size,
-            pixel_samples: picture.samples,
-            light_samples: picture.light_samples,
+            ..RunRow::begun(subject, setup)
+        }
+    }
+}
+
+impl RunRow {
+    /// Returns what is known of a run before anything is laid out.
+    fn begun(subject: &Subject, setup: &Setup) -> RunRow {
+        RunRow { scene: subject.name.clone(), model: subject.model.clone(), ..RunRow::asked(setup) }
+    }
+
+    /// Returns what a setup asks for.
+    fn asked(setup: &Setup) -> RunRow {
+        RunRow {
+            environment: setup.name.clone(),
+            settings: setup.swept.iter().cloned().collect(),
+            method: setup.bake.choose.method.name().to_owned(),
+            size: setup.picture.size,
+            pixel_samples: setup.picture.samples,
+            light_samples: setup.picture.light_samples,
             ..RunRow::default()
         }
+    }
+
+    /// Returns the row of a run that failed before anything was traced.
+    pub(in crate::lab) fn of_failed(subject: &Subject, setup: &Setup, why: &str) -> RunRow {
+        RunRow { failure: Some(why.to_owned()), ..RunRow::begun(subject, setup) }
+    }
+
+    /// Returns the row of a run whose scene cannot be read.
+    pub(in crate::lab) fn of_unread(scene: &SettingsFile, setup: &Setup, why: &str) -> RunRow {
+        let model = scene.in_words("model_file_name").unwrap_or_default();
+        let name = scene.in_words("scene_name").unwrap_or_else(|| scene.stem());
+        RunRow { scene: name, model, failure: Some(why.to_owned()), ..RunRow::asked(setup) }
+    }
+}
+
+/// Returns how the frames of an environment are traced.
+fn frame_options(setup: &Setup) -> FrameOptions {
+    let rays = setup.picture.size.map(|side| side as usize).iter().product::<usize>() * setup.picture.samples as usize;
+    FrameOptions {
+        policies: vec![match setup.rebuild_interval {
+            0 => RebuildEvery::Never,
+            frames => RebuildEvery::Frames(frames),
+        }],
+        rays: rays.min(MOST_MOVING),
+        counted_rays: 0,
+        camera_frequency: 0.0,
+        build: setup.bake.verify.build,
+        ..FrameOptions::default()
     }
 }
 

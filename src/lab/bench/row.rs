@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::moving::MotionRun;
 use crate::verify::rays::RayKind;
 
 /// One environment on one scene. `docs/lab.md` describes the columns.
@@ -75,6 +76,8 @@ pub struct RunRow {
     pub all_mrays_per_s: f64,
     /// How far off that may be, over it.
     pub all_spread_ratio: Option<f64>,
+    /// The frames in which instances move; `None` if none do.
+    pub motion: Option<MotionRun>,
     /// Seconds that timing took.
     pub timed_seconds: f64,
     /// Why nothing was timed.
@@ -130,6 +133,9 @@ impl RunRow {
             columns.add(&format!("{kind}_spread_ratio"), some(&run.and_then(|run| run.spread_ratio)));
         }
         columns.add("all_mrays_per_s", self.all_mrays_per_s).add("all_spread_ratio", some(&self.all_spread_ratio));
+        for (name, value) in MotionRun::columns(self.motion.as_ref()) {
+            columns.add(name, value);
+        }
         columns.add("timed_seconds", self.timed_seconds).add("failure", some(&self.failure));
         columns.0
     }

@@ -32,7 +32,9 @@ pub(in crate::lab) struct Subject {
     pub(in crate::lab) doc: Document,
     /// The model, without instances.
     pub(in crate::lab) scene: Scene,
-    /// The cameras that primary rays come from; empty for the automatic one.
+    /// The camera; `None` for the automatic one.
+    pub(in crate::lab) orbit: Option<Orbit>,
+    /// The places of the camera that primary rays come from; empty for the automatic one.
     pub(in crate::lab) views: Vec<View>,
     pub(in crate::lab) light: Option<Light>,
     /// Brightness of the light over the default.
@@ -64,7 +66,8 @@ impl Subject {
             subject.name.clone_from(name);
         }
         subject.instances = instances(file, environment, &mut subject.warnings)?;
-        subject.views = views(file, &subject.scene)?;
+        subject.orbit = orbit(file, &subject.scene);
+        subject.views = subject.orbit.map_or(Ok(Vec::new()), |orbit| views(file, &orbit))?;
         if let [Value::Vector(corner)] = file.values("LIGHT_ORIGIN") {
             let size = if let [Value::Number(size)] = file.values("LIGHT_SIZE") { *size } else { 1.0 };
             subject.light = Some(Light { corner: DVec3::from_array(*corner), size });
@@ -87,6 +90,7 @@ impl Subject {
             model: name.to_owned(),
             doc,
             scene,
+            orbit: None,
             views: Vec::new(),
             light: None,
             light_power: None,
@@ -96,17 +100,23 @@ impl Subject {
     }
 
     /// Returns a scene, which shows the model, with the instances added at their places.
-    pub(in crate::lab) fn with_instances(&self, scene: Scene) -> Scene {
+    pub(in crate::lab) fn with_instances(&self, scene: &Scene) -> Scene {
+        self.moving(scene).scene().clone()
+    }
+
+    /// Returns a scene, which shows the model, with the instances added, such that they can move.
+    pub(super) fn moving(&self, scene: &Scene) -> MovingScene {
         match &self.instances {
-            Some(instances) => instances.added_to(scene, self.scene.bounds().diagonal()),
-            None => scene,
+            Some(Instances { model, copies }) => {
+                MovingScene::new(scene, model, INSTANCE_SIZE * self.scene.bounds().diagonal(), copies.clone())
+            }
+            None => MovingScene::new(scene, &Scene::default(), 1.0, PlacedCopies::default()),
         }
     }
-}
 
-impl Instances {
-    fn added_to(&self, scene: Scene, diagonal: f64) -> Scene {
-        MovingScene::new(&scene, &self.model, INSTANCE_SIZE * diagonal, self.copies.clone()).scene().clone()
+    /// Whether instances move.
+    pub(super) fn moves(&self) -> bool {
+        self.instances.as_ref().is_some_and(|of| !of.copies.animations.is_empty())
     }
 }
 
@@ -154,18 +164,23 @@ pub(in crate::lab) fn read_instance(path: &Path) -> Result<(Scene, Vec<String>),
     Ok((joined(&scene), warnings))
 }
 
-/// Returns the places of the camera; none if the scene states none.
-fn views(file: &SettingsFile, scene: &Scene) -> Result<Vec<View>, LabError> {
-    let [Value::Vector(position)] = file.values("CAMERA_POSITION") else { return Ok(Vec::new()) };
-    let eye = DVec3::from_array(*position);
-    let target = match file.values("CAMERA_POI") {
+/// Returns the camera that a scene states, which stands still if the scene does not move it.
+fn orbit(file: &SettingsFile, scene: &Scene) -> Option<Orbit> {
+    let [Value::Vector(position)] = file.values("CAMERA_POSITION") else { return None };
+    let interest = match file.values("CAMERA_POI") {
         [Value::Vector(poi)] => DVec3::from_array(*poi),
         _ => scene.core().bounds().center(),
     };
-    let speed = if let [Value::Number(speed)] = file.values("CAMERA_ROTATION_SPEED") { *speed } else { 0.0 };
-    let is_animated = matches!(file.values("ANIMATE_CAMERA"), [Value::Flag(true)]) && speed != 0.0;
-    let places = if is_animated { CAMERA_PLACES } else { 1 };
-    let orbit = Orbit { position: eye, interest: target, frequency: speed };
+    let frequency = match (file.values("ANIMATE_CAMERA"), file.values("CAMERA_ROTATION_SPEED")) {
+        ([Value::Flag(true)], [Value::Number(speed)]) => *speed,
+        _ => 0.0,
+    };
+    Some(Orbit { position: DVec3::from_array(*position), interest, frequency })
+}
+
+/// Returns the places of a camera that rays come from.
+fn views(file: &SettingsFile, orbit: &Orbit) -> Result<Vec<View>, LabError> {
+    let places = if orbit.frequency != 0.0 { CAMERA_PLACES } else { 1 };
     let view = |i: usize| orbit.view(CAMERA_SECONDS * i as f64 / places as f64);
     let views: Option<Vec<View>> = (0..places).map(view).collect();
     let cause = "the camera looks nowhere: `CAMERA_POSITION` and `CAMERA_POI` are the same point";

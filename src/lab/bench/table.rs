@@ -24,7 +24,7 @@ pub(in crate::lab) struct RunTable {
 
 impl RunTable {
     /// Creates the files in a folder, which is created if it does not exist. Rows of an earlier run are kept if it is to
-    /// be resumed, and replaced if not.
+    /// be resumed, unless they failed, and replaced if not.
     ///
     /// # Errors
     /// Fails if a file cannot be read or written.
@@ -37,7 +37,7 @@ impl RunTable {
             settings: settings.to_vec(),
             known: BTreeMap::new(),
         };
-        for row in known {
+        for row in known.into_iter().filter(|row| row.failure.is_none()) {
             table.append(&row)?;
             table.known.insert(row.id.clone(), row);
         }

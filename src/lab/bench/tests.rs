@@ -34,6 +34,10 @@ fn model() -> String {
 const SCENE: &str = "MODEL_FILE_NAME=model.obj\nCAMERA_POSITION=1.5 1 6\nCAMERA_POI=1.5 1 1\n";
 const ENVIRONMENT: &str = "WIDTH=12\nHEIGHT=8\n";
 
+/// Two instances, of which one flies to and fro.
+const MOVING: &str = "INSTANCE_FILE_NAME=small.obj\nINSTANCE_COUNT=2\nANIM_INSTANCE_COUNT=1\n\
+                      1.5 1 3\n1 1 3\n1 0 0 6 1 0.1 0.5\n";
+
 /// Lines that are added to a scene and to an environment.
 struct Files {
     folder: TempDir,
@@ -151,9 +155,34 @@ fn build_flags_are_those_of_optix() {
 }
 
 #[test]
-fn heatscale_and_the_rebuild_interval_are_kept_for_pictures_and_motion() {
-    let setup = Files::new().setup("HEATSCALE=40\nSCENE_REBUILD_INTEREVAL=8\n");
-    assert_eq!((setup.picture.heat_scale, setup.rebuild_interval), (Some(40.0), 8));
+fn the_tlas_is_rebuilt_every_so_many_frames_and_refitted_in_between() {
+    let files = Files::new();
+    let subject = files.subject(MOVING);
+    let moved = |environment: &str| {
+        let bench = Bench { frames: 9, ..Bench::open(&DeviceChoice::Cpu, Until::Passes(1), 1).expect("the CPU") };
+        let mut session = Session::new(&bench, &subject).expect("a scene");
+        let row = session.run(&files.setup(environment)).expect("a run");
+        let motion = row.motion.expect("it moves");
+        assert_eq!((motion.frames, motion.wrong_hits, motion.series.len()), (9, 0, 9));
+        assert_eq!(motion.refit_ms.is_some(), motion.rebuilds < 9);
+        assert!(motion.rebuild_ms.is_some() && motion.mrays_per_s > 0.0);
+        (motion.rebuild_interval, motion.rebuilds)
+    };
+    assert_eq!(moved(""), (1, 9));
+    assert_eq!(moved("SCENE_REBUILD_INTERVAL=4\n"), (4, 3));
+    assert_eq!(moved("SCENE_REBUILD_INTEREVAL=8\n"), (8, 2));
+    assert_eq!(moved("SCENE_REBUILD_INTERVAL=0\n"), (0, 1));
+}
+
+#[test]
+fn what_does_not_move_has_no_frames() {
+    let files = Files::new();
+    let bench = Bench { frames: 3, ..Bench::open(&DeviceChoice::Cpu, Until::Passes(1), 1).expect("the CPU") };
+    for scene in ["", "INSTANCE_FILE_NAME=small.obj\nINSTANCE_COUNT=1\n0 1 2\n"] {
+        let subject = files.subject(scene);
+        let row = Session::new(&bench, &subject).expect("a scene").run(&files.setup("")).expect("a run");
+        assert_eq!(row.motion, None);
+    }
 }
 
 #[test]
@@ -188,7 +217,7 @@ fn instances_of_another_model_are_added_at_their_places() {
     let row = files.run(lines, "SINGLE_GAS=1\n");
     assert_eq!((row.instances, row.added_instances, row.animated_instances), (3, 2, 1));
     let subject = files.subject(lines);
-    let scene = subject.with_instances(subject.scene.clone());
+    let scene = subject.with_instances(&subject.scene);
     let box_of = |i: usize| scene.instance_boxes()[scene.instances.len() - 2 + i];
     // It moves: at the beginning it has done a tenth of its way of 4 there and back.
     assert!(box_of(0).center().distance(glam::DVec3::new(0.5 + 0.8, 1.0, 2.0)) < 1e-9);

@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 pub(in crate::lab) use config::{Keys, Motion};
 pub use rows::MotionRow;
 pub(in crate::lab) use rows::NAMES;
-use rows::Setup;
+pub(in crate::lab) use rows::Setup;
 pub use summary::PolicySummary;
 pub(in crate::lab) use summary::SUMMARIES;
-use summary::Summary;
+pub(in crate::lab) use summary::Summary;
 
 use super::LabError;
 use super::reading::{self, ReadScene, core_bounds};

@@ -103,7 +103,7 @@ impl Default for MotionRow {
 
 impl MotionRow {
     /// Returns the row of a frame.
-    pub(super) fn of(setup: &Setup, frame: &Frame) -> MotionRow {
+    pub(in crate::lab) fn of(setup: &Setup, frame: &Frame) -> MotionRow {
         let upkeep = |is: Upkeep| (frame.times.upkeep == is).then_some(frame.times.upkeep_ms);
         let trace = frame.times.trace_ms.unwrap_or_default();
         MotionRow {

@@ -25,6 +25,8 @@ pub struct PolicySummary {
     pub rebuild_every: RebuildEvery,
     /// Number of frames.
     pub frames: u32,
+    /// Frames in which the TLAS was built anew.
+    pub rebuilds: u32,
     /// Median of the milliseconds to compute the matrices on the CPU.
     pub matrices_ms: f64,
     /// Mean of the milliseconds to hand them to the tracer.
@@ -58,22 +60,22 @@ pub struct PolicySummary {
 }
 
 /// Collects the frames of a setup.
-pub(super) struct Summary {
+pub(in crate::lab) struct Summary {
     policies: Vec<(RebuildEvery, Vec<MotionRow>)>,
 }
 
 impl Summary {
-    pub(super) fn new(policies: &[RebuildEvery]) -> Summary {
+    pub(in crate::lab) fn new(policies: &[RebuildEvery]) -> Summary {
         Summary { policies: policies.iter().map(|policy| (*policy, Vec::new())).collect() }
     }
 
-    pub(super) fn add(&mut self, row: &MotionRow) {
+    pub(in crate::lab) fn add(&mut self, row: &MotionRow) {
         let of_policy = self.policies.iter_mut().find(|(policy, _)| *policy == row.rebuild_every);
         of_policy.into_iter().for_each(|(_, rows)| rows.push(row.clone()));
     }
 
     /// Returns the summaries in the order of the policies.
-    pub(super) fn finish(&self, last: &[LastHits]) -> Vec<PolicySummary> {
+    pub(in crate::lab) fn finish(&self, last: &[LastHits]) -> Vec<PolicySummary> {
         let hits = |policy| last.iter().find(|last| last.policy == policy).map_or_else(Default::default, |l| l.hits);
         let of = |(policy, rows): &(RebuildEvery, Vec<MotionRow>)| {
             rows.first().map(|first| summarise(*policy, &first.setup, rows, hits(*policy)))
@@ -94,6 +96,7 @@ fn summarise(policy: RebuildEvery, setup: &Setup, rows: &[MotionRow], hits: Chec
         setup: setup.clone(),
         rebuild_every: policy,
         frames: rows.len() as u32,
+        rebuilds: rows.iter().filter(|row| row.rebuild_ms.is_some()).count() as u32,
         matrices_ms: median(rows.iter().map(|row| row.matrices_ms)).unwrap_or(0.0),
         upload_ms: mean(&|row| row.upload_ms),
         refit_ms: median(rows.iter().filter_map(|row| row.refit_ms)),

@@ -1,15 +1,15 @@
 //! The setups with instances: 10^3, 10^4 and 10^5 copies of a model at random places.
 //!
-//! Rays are timed at the beginning of the motion. What it costs to move instances, refit and rebuild is measured by the
-//! experiment `[motion]`.
+//! Rays are timed at the beginning of the motion, and then frame by frame while the instances move. The experiment
+//! `[motion]` compares policies of refitting and rebuilding.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::measured::Crowded;
 use super::trials::Trial;
-use super::{Experiments, Failure, Step, pictures};
-use crate::lab::bench::{Instances, Session, Setup, Subject, read_instance};
+use super::{Experiments, Failure, pictures};
+use crate::lab::bench::{Instances, LaidOut, RunRow, Session, Setup, Subject, read_instance};
 use crate::motion::{Crowd, Deviating};
 use crate::report::study::Figure;
 use crate::scene::Scene;
@@ -26,6 +26,10 @@ const SPEED: Deviating = Deviating { base: 0.05, deviation: 0.02 };
 const DISTANCE: Deviating = Deviating { base: 0.1, deviation: 0.05 };
 const TURNS: Deviating = Deviating { base: 0.1, deviation: 0.05 };
 
+/// Frames from one rebuild of the TLAS to the next, so that refits and rebuilds are both timed; of a quick run.
+const REBUILD_INTERVAL: u32 = 8;
+const QUICK_INTERVAL: u32 = 2;
+
 /// The model of instances, below the folder of scenes: the Stanford bunny, as in the thesis.
 const MODEL: &str = "bunny/bunny.obj";
 
@@ -41,12 +45,7 @@ pub(super) fn most(quick: bool) -> usize {
 
 /// Returns the number of runs with instances per scene.
 pub(super) fn runs() -> usize {
-    COMPARED.len() * methods().len() + 2
-}
-
-/// The methods compared with instances: `auto` chooses as without them.
-fn methods() -> &'static [Trial] {
-    const { &Trial::COMPARED }.split_last().map_or(&[], |(_, methods)| methods)
+    COMPARED.len() * Trial::COMPARED.len() + 2
 }
 
 /// Reads the model of instances; a quick run takes a scene instead if it is not at hand.
@@ -63,11 +62,12 @@ pub(super) fn model(folder: &Path, quick: bool, otherwise: &Path) -> Result<Scen
 }
 
 impl Experiments<'_, '_> {
-    /// Runs the setups with instances on a scene, and draws them if asked for.
+    /// Runs the setups with instances on a scene, and draws them if asked for. `chosen` is what `bake` chooses without them.
     pub(super) fn crowds(
         &mut self,
         subject: &mut Subject,
         model: &Scene,
+        chosen: &LaidOut,
         drawn: bool,
     ) -> Result<(Vec<Crowded>, Vec<Figure>), Failure> {
         let (quick, mut crowds, mut figures) = (self.options.quick, Vec::new(), Vec::new());
@@ -78,10 +78,10 @@ impl Experiments<'_, '_> {
             let mut session = Session::new(self.bench, subject).map_err(Failure::Scene)?;
             let trials: Vec<Option<Trial>> = match instances == most(quick) {
                 true => vec![Some(Trial::Single), None],
-                false => methods().iter().copied().map(Some).collect(),
+                false => Trial::COMPARED.map(Some).to_vec(),
             };
             for trial in trials {
-                let row = self.crowded(&mut session, instances, trial)?;
+                let row = self.crowded(&mut session, instances, trial, chosen)?;
                 crowds.push(Crowded { instances, trial, row });
             }
             if drawn {
@@ -96,21 +96,18 @@ impl Experiments<'_, '_> {
         session: &mut Session,
         instances: usize,
         trial: Option<Trial>,
-    ) -> Result<crate::lab::bench::RunRow, Failure> {
+        chosen: &LaidOut,
+    ) -> Result<RunRow, Failure> {
         let name = trial.map_or_else(|| "instances only".to_owned(), Trial::name);
         let setup = self.setup(trial.unwrap_or(Trial::Single));
-        let setup = Setup { name: format!("{name}, {instances} instances"), ..setup };
+        let rebuild_interval = if self.options.quick { QUICK_INTERVAL } else { REBUILD_INTERVAL };
+        let setup = Setup { name: format!("{name}, {instances} instances"), rebuild_interval, ..setup };
         let step = format!("{}: {}", session.subject.name, setup.name);
-        (self.progress)(&Step { done: self.step, of: self.steps, name: step });
-        self.step += 1;
-        if let Some(row) = self.table.known(&session.id(&setup)) {
-            return Ok(row.clone());
-        }
-        let row = if trial.is_some() { session.run(&setup) } else { session.run_alone(&setup) };
-        let row = row.map_err(Failure::Scene)?;
-        self.table.append(&row).map_err(Failure::Output)?;
-        self.fail_untimed(&row);
-        Ok(row)
+        self.row(session, &setup, step, &mut |session| match trial {
+            Some(Trial::Auto) => session.run_laid(&setup, chosen),
+            Some(_) => session.run(&setup),
+            None => session.run_alone(&setup),
+        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Figures 5.1, 5.3, 5.4 and 5.7 to 5.12 as charts.
 
-use super::measured::{Measured, standing_for};
+use super::measured::{Crowded, Measured, standing_for};
 use super::numbers::{CHOSEN, NODE_RATIOS, SAN_MIGUEL, SCENES, SKIP_THRESHOLDS, SOM_THRESHOLDS};
 use super::trials::Trial;
 use crate::lab::LabError;
@@ -13,6 +13,9 @@ const UNIT: &str = "million rays per second, all kinds";
 
 /// What the charts of the last experiment are numbered from.
 const FIRST_OF_SCENES: usize = 7;
+
+/// Places of a line chart that can be told apart.
+const MOST_PLACES: usize = 16;
 
 /// A setup of instances, of which the charts have a group each.
 const STATIC: &str = "static";
@@ -111,6 +114,34 @@ pub(super) fn crowds(measured: &[Measured], instances: usize, folder: &Path) -> 
     };
     let caption = format!("Figure 5.5: speed of every scene with {instances} instances, and of the instances alone.");
     Ok(vec![figure(&chart, folder, "figure-5-5", caption)?])
+}
+
+/// Every scene with many instances while they move. The thesis has no such figure.
+pub(super) fn motion(measured: &[Measured], instances: usize, folder: &Path) -> Result<Vec<Figure>, LabError> {
+    let series = |scene: &Measured| {
+        let is_it = |of: &&Crowded| of.instances == instances && of.trial == Some(Trial::Single);
+        let motion = scene.crowds.iter().find(is_it)?.row.motion.as_ref()?;
+        Some((scene.found.name.clone(), motion.series.clone()))
+    };
+    let all: Vec<(String, Vec<f64>)> = measured.iter().filter_map(series).collect();
+    let frames = all.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
+    let step = frames.div_ceil(MOST_PLACES).max(1);
+    let places: Vec<usize> = (0..frames).step_by(step).collect();
+    if places.is_empty() {
+        return Ok(Vec::new());
+    }
+    let at_places = |values: &[f64]| places.iter().map(|&frame| values.get(frame).copied()).collect();
+    let chart = LineChart {
+        title: format!("{instances} instances in motion with each scene, single BLAS"),
+        unit: UNIT.into(),
+        place_axis: "frame".into(),
+        places: places.iter().map(usize::to_string).collect(),
+        heading: "scene".into(),
+        series: all.iter().map(|(name, values)| (name.clone(), at_places(values))).collect(),
+        notes: devices(measured),
+    };
+    let caption = format!("Speed of every scene with {instances} instances while they move; not in the thesis.");
+    Ok(vec![figure(&chart, folder, "motion", caption)?])
 }
 
 /// Figures 5.7 to 5.12: all methods on each scene, without instances and with numbers of them.

@@ -19,6 +19,7 @@ use std::path::PathBuf;
 
 use super::LabError;
 use super::bench::{Bench, PictureSetup, RunRow, RunTable, Session, Setup, Subject};
+use super::cooling::{Cooling, Limits};
 use crate::choose::plans::Effort;
 use crate::scene::Scene;
 use crate::verify::DeviceChoice;
@@ -41,6 +42,8 @@ pub struct ThesisOptions {
     pub seconds: f64,
     /// What traces.
     pub device: DeviceChoice,
+    /// When a run may begin on a GPU. Has no effect if `quick`.
+    pub limits: Limits,
     /// Whether rows of an earlier run that are already in `out` are kept instead of measured again.
     pub resume: bool,
 }
@@ -52,6 +55,8 @@ pub struct ThesisResult {
     pub rows: usize,
     /// Scenes and figures that could not be made, with the causes.
     pub failures: Vec<String>,
+    /// What was not done as asked for, in words.
+    pub notes: Vec<String>,
     /// What the readers of the scenes repaired or omitted.
     pub warnings: Vec<String>,
     /// The page.
@@ -72,6 +77,10 @@ pub struct Step {
 /// Width and height of the picture whose rays are timed; of a quick run.
 const QUICK_SIZE: [u32; 2] = [32, 18];
 
+/// Frames in which instances move; of a quick run.
+const FRAMES: u32 = 64;
+const QUICK_FRAMES: u32 = 3;
+
 /// Seed of the rays.
 const SEED: u64 = 1;
 
@@ -83,10 +92,12 @@ const SEED: u64 = 1;
 pub fn thesis(options: &ThesisOptions, progress: &mut dyn FnMut(&Step)) -> Result<ThesisResult, LabError> {
     let found = scenes::find(&options.scenes, options.quick)?;
     let until = if options.quick { Until::Passes(1) } else { Until::Seconds(options.seconds) };
-    let bench = Bench::open(&options.device, until, SEED)?;
+    let frames = if options.quick { QUICK_FRAMES } else { FRAMES };
+    let bench = Bench { frames, ..Bench::open(&options.device, until, SEED)? };
     let table = RunTable::create(&options.out, &[], options.resume)?;
-    let mut study =
-        Experiments { options, bench: &bench, table, result: ThesisResult::default(), step: 0, steps: 0, progress };
+    let cooling = Cooling::of([&bench.machine].into_iter().filter(|_| !options.quick), options.limits);
+    let result = ThesisResult::default();
+    let mut study = Experiments { options, bench: &bench, table, cooling, result, step: 0, steps: 0, progress };
     let smallest = found.iter().min_by_key(|scene| scene.file.metadata().map_or(0, |m| m.len()));
     let model = smallest.map(|scene| crowds::model(&options.scenes, options.quick, &scene.file));
     let model = model.and_then(|model| model.map_err(|why| study.result.failures.push(why)).ok());
@@ -107,6 +118,7 @@ pub fn thesis(options: &ThesisOptions, progress: &mut dyn FnMut(&Step)) -> Resul
         }
     }
     let mut result = study.result;
+    result.notes.extend(study.cooling.into_iter().flat_map(Cooling::into_notes));
     result.rows = measured.iter().map(|scene| scene.trials.len() + scene.crowds.len()).sum();
     result.page = page::write(&measured, fragments, &result.failures, options)?;
     Ok(result)
@@ -124,6 +136,8 @@ struct Experiments<'o, 'p> {
     options: &'o ThesisOptions,
     bench: &'o Bench,
     table: RunTable,
+    /// `None` if runs do not wait.
+    cooling: Option<Cooling>,
     result: ThesisResult,
     step: usize,
     steps: usize,
@@ -148,38 +162,65 @@ impl Experiments<'_, '_> {
         self.result.warnings.append(&mut subject.warnings);
         let mut session = Session::new(self.bench, &subject).map_err(Failure::Scene)?;
         let mut measured = Measured { found: found.clone(), trials: Vec::new(), crowds: Vec::new() };
+        // `bake` chooses without the instances, and what it chooses takes long: once per scene.
+        let mut chosen = None;
         for trial in Trial::all() {
-            let name = format!("{}: {}", found.name, trial.name());
-            (self.progress)(&Step { done: self.step, of: self.steps, name });
             let setup = self.setup(trial);
-            let row = match self.table.known(&session.id(&setup)) {
-                Some(row) => row.clone(),
-                None => {
-                    let row = session.run(&setup).map_err(Failure::Scene)?;
-                    self.table.append(&row).map_err(Failure::Output)?;
-                    row
+            let mut measure = |session: &mut Session| match trial {
+                Trial::Auto => {
+                    let laid = chosen.insert(session.lay_out(&setup));
+                    session.run_laid(&setup, laid)
                 }
+                _ => session.run(&setup),
             };
-            self.fail_untimed(&row);
+            let name = format!("{}: {}", found.name, trial.name());
+            let row = self.row(&mut session, &setup, name, &mut measure)?;
             measured.trials.push((trial, row));
-            self.step += 1;
         }
         let mut drawn = match fragmented {
             true => pictures::fragments(&session, self.picture(), &self.options.out)?,
             false => Vec::new(),
         };
-        drop(session);
         if let Some(model) = model {
-            let (crowds, figures) = self.crowds(&mut subject, model, crowded)?;
+            let chosen = chosen.unwrap_or_else(|| session.lay_out(&self.setup(Trial::Auto)));
+            drop(session);
+            let (crowds, figures) = self.crowds(&mut subject, model, &chosen, crowded)?;
             measured.crowds = crowds;
             drawn.extend(figures);
         }
         Ok((measured, drawn))
     }
 
+    /// Returns the row of a setup: that of an earlier run, or as it is measured now.
+    fn row(
+        &mut self,
+        session: &mut Session,
+        setup: &Setup,
+        name: String,
+        measure: &mut dyn FnMut(&mut Session) -> Result<RunRow, String>,
+    ) -> Result<RunRow, Failure> {
+        (self.progress)(&Step { done: self.step, of: self.steps, name });
+        self.step += 1;
+        if let Some(row) = self.table.known(&session.id(setup)) {
+            return Ok(row.clone());
+        }
+        self.cooling.iter_mut().for_each(Cooling::wait);
+        let row = measure(session).map_err(Failure::Scene)?;
+        self.table.append(&row).map_err(Failure::Output)?;
+        self.fail_untimed(&row);
+        Ok(row)
+    }
+
     fn fail_untimed(&mut self, row: &RunRow) {
         let failed = row.failure.as_ref().map(|why| format!("{}, {}: {why}", row.scene, row.environment));
-        self.result.failures.extend(failed);
+        let wrong = row.motion.as_ref().map_or(0, |motion| motion.wrong_hits);
+        let wrong = (wrong > 0).then(|| {
+            format!(
+                "{}, {}: {wrong} rays of the last frame hit something else than they should",
+                row.scene, row.environment
+            )
+        });
+        self.result.failures.extend(failed.into_iter().chain(wrong));
     }
 
     fn setup(&self, trial: Trial) -> Setup {

@@ -62,17 +62,21 @@ fn study(
         tables: vec![tables::skip_thresholds(measured)],
         figures: [figures::skip(measured, folder)?, figures::som(measured, folder)?].concat(),
     };
+    let (most, compared) = (crowds::most(quick), crowds::compared(quick));
     let third = Section {
         heading: "Experiment 3: instances".into(),
-        sentences: claims::crowds(measured, crowds::most(quick)),
-        tables: tables::crowds(measured, crowds::most(quick)).into_iter().collect(),
-        figures: [figures::crowds(measured, crowds::most(quick), folder)?, crowded].concat(),
+        sentences: claims::crowds(measured, most),
+        tables: [tables::crowds(measured, most), tables::motion(measured, &[most])].into_iter().flatten().collect(),
+        figures: [figures::crowds(measured, most, folder)?, figures::motion(measured, most, folder)?, crowded].concat(),
     };
     let fourth = Section {
         heading: "Experiment 4: all methods".into(),
         sentences: claims::methods(measured),
-        tables: vec![tables::methods(measured, &crowds::compared(quick))],
-        figures: figures::methods(measured, &crowds::compared(quick), folder)?,
+        tables: [Some(tables::methods(measured, &compared)), tables::motion(measured, &compared)]
+            .into_iter()
+            .flatten()
+            .collect(),
+        figures: figures::methods(measured, &compared, folder)?,
     };
     Ok(Study {
         title: "The experiments of \"Scene optimization for RTX\", repeated".into(),

@@ -43,7 +43,7 @@ pub(super) fn fragments(session: &Session, picture: PictureSetup, out: &Path) ->
 /// Draws a scene with instances, as in figure 5.6.
 pub(super) fn crowd(session: &Session, instances: usize, picture: PictureSetup, out: &Path) -> Result<Figure, Failure> {
     let laid = session.lay_out(&Trial::PerObject.setup(picture));
-    let scene = session.subject.with_instances(laid.stored);
+    let scene = session.subject.with_instances(&laid.stored);
     let name = &session.subject.name;
     let caption = format!("Figure 5.6: {name} with {instances} instances; each mesh has a colour of its own.");
     drawn(session, &scene, picture, out, &format!("figure-5-6-{instances}.png"), caption)

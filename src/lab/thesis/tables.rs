@@ -1,6 +1,6 @@
 //! Tables 5.1 to 5.3 with the numbers of the thesis beside those that were measured.
 
-use super::measured::{Measured, standing_for};
+use super::measured::{Crowded, Measured, standing_for};
 use super::numbers::{
     BVH_BUILDS, CHOSEN, Edition, NODE_RATIOS, SAN_MIGUEL, SCENES, SKIP_STATISTICS, SKIP_THRESHOLDS, SkipStatistics,
 };
@@ -200,6 +200,55 @@ pub(super) fn crowds(measured: &[Measured], instances: usize) -> Option<Table> {
     let rows: Vec<Vec<String>> = measured.iter().filter(|scene| !scene.crowds.is_empty()).map(row).collect();
     let caption = format!("Experiment 3: million rays per second of all kinds with {instances} instances, single BLAS");
     (!rows.is_empty()).then(|| Table { caption, head, rows, notes: editions(measured) })
+}
+
+/// What the frames took in which instances move.
+pub(super) fn motion(measured: &[Measured], instances: &[usize]) -> Option<Table> {
+    let shown = |of: &&Crowded| instances.contains(&of.instances) && of.row.motion.is_some();
+    let row = |scene: &Measured, of: &Crowded| {
+        let motion = of.row.motion.as_ref()?;
+        let trial = of.trial.map_or_else(|| "instances only".to_owned(), Trial::name);
+        let some = |x: Option<f64>| x.map_or(NONE.into(), number);
+        let cells = [
+            some(of.row.blas_build_ms),
+            some(of.row.tlas_build_ms),
+            number(motion.matrices_ms + motion.upload_ms),
+            some(motion.refit_ms),
+            some(motion.rebuild_ms),
+            number(of.row.all_mrays_per_s),
+            number(motion.mrays_per_s),
+            some(motion.speed_over_fresh_ratio),
+        ];
+        Some([vec![scene.found.name.clone(), of.instances.to_string(), trial], cells.to_vec()].concat())
+    };
+    let of_scene = |scene: &'_ Measured| scene.crowds.iter().filter(shown).filter_map(|of| row(scene, of)).collect();
+    let rows: Vec<Vec<String>> = measured.iter().flat_map(|scene| -> Vec<Vec<String>> { of_scene(scene) }).collect();
+    let first = measured.iter().flat_map(|scene| &scene.crowds).find_map(|of| of.row.motion.as_ref())?;
+    let (frames, interval) = (first.frames, first.rebuild_interval);
+    let head = [
+        "scene",
+        "instances",
+        "method",
+        "BLAS build [ms]",
+        "TLAS build [ms]",
+        "update [ms]",
+        "refit [ms]",
+        "rebuild [ms]",
+        "Mrays/s at the start",
+        "Mrays/s in motion",
+        "over a fresh TLAS",
+    ];
+    (!rows.is_empty()).then(|| Table {
+        caption: format!("Instances that move, over {frames} frames; the TLAS is rebuilt every {interval} frames"),
+        head: head.map(String::from).to_vec(),
+        rows,
+        notes: vec![
+            "Update: to compute the matrices of all instances and hand them to the tracer. Speeds in motion are of fewer \
+             rays per frame than at the start, with the camera of the scene; the last column is their ratio to the speed \
+             through a TLAS built in each frame."
+                .into(),
+        ],
+    })
 }
 
 fn megabytes(bytes: Option<u64>) -> Option<f64> {

@@ -40,7 +40,7 @@ pub struct FrameOptions {
     pub frames_per_second: f64,
     /// Number of rays of each kind in each frame.
     pub rays: usize,
-    /// Number of rays of each kind whose steps are counted; at most all.
+    /// Number of rays of each kind whose steps are counted; at most all, 0 for no counts.
     pub counted_rays: usize,
     /// Steps are counted in each frame whose number is a multiple of this, and in the last one.
     pub counted_every: u32,
@@ -158,11 +158,12 @@ pub fn run<E>(
     if machine.name().1 == MachineKind::Gpu {
         run.warm_up(moving.scene())?;
     }
-    let mut counter = Counter::new(moving.scene(), options);
+    let mut counter = (options.counted_rays > 0).then(|| Counter::new(moving.scene(), options));
     for number in 0..options.frames {
         let (rays, frames) = run.frame(number, moving)?;
         let is_counted = number.is_multiple_of(options.counted_every.max(1)) || number + 1 == options.frames;
-        let counted = is_counted.then(|| counter.count(number, moving, &thinned(&rays, options.counted_rays)));
+        let counter = counter.as_mut().filter(|_| is_counted);
+        let counted = counter.map(|counter| counter.count(number, moving, &thinned(&rays, options.counted_rays)));
         for (i, mut frame) in frames.into_iter().enumerate() {
             frame.work = counted.as_ref().map(|counted| counted[i]);
             each(&frame).map_err(FramesError::Receiver)?;

@@ -6,17 +6,19 @@ use std::time::{Duration, Instant};
 use nvml_wrapper::Nvml;
 use nvml_wrapper::enum_wrappers::device::TemperatureSensor;
 
+use crate::verify::{Machine, MachineKind};
+
 /// Degrees Celsius to which a GPU cools down before a run, as in the thesis.
-pub(super) const MAX_TEMPERATURE: f64 = 60.0;
+pub(in crate::lab) const MAX_TEMPERATURE: f64 = 60.0;
 
 /// Seconds after which a run begins even if the GPU is warmer.
-pub(super) const TIMEOUT: f64 = 300.0;
+pub(in crate::lab) const TIMEOUT: f64 = 300.0;
 
 /// Time between two looks at the temperature.
 const INTERVAL: Duration = Duration::from_millis(500);
 
 /// Reads the temperature of a GPU.
-pub(super) trait Thermometer {
+pub(in crate::lab) trait Thermometer {
     /// Returns the temperature of the warmest GPU in degrees Celsius; `None` if it cannot be read.
     fn celsius(&self) -> Option<f64>;
 }
@@ -30,24 +32,37 @@ impl Thermometer for Nvml {
 }
 
 /// When a run may begin.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
-    /// Degrees Celsius.
-    pub(super) temperature: f64,
-    /// Seconds.
-    pub(super) timeout: f64,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Degrees Celsius to which the GPU cools down before a run; at least 0.
+    pub temperature: f64,
+    /// Seconds after which a run begins even if the GPU is warmer; at least 0.
+    pub timeout: f64,
+}
+
+impl Default for Limits {
+    /// Those of the thesis, with a limit on the time.
+    fn default() -> Limits {
+        Limits { temperature: MAX_TEMPERATURE, timeout: TIMEOUT }
+    }
 }
 
 /// Waits between runs, and collects what to say about it, each sentence once.
-pub(super) struct Cooling {
+pub(in crate::lab) struct Cooling {
     thermometer: Option<Box<dyn Thermometer>>,
     limits: Limits,
     notes: Vec<String>,
 }
 
 impl Cooling {
+    /// Opens the management library if anything is traced on a GPU.
+    pub(in crate::lab) fn of<'m>(machines: impl IntoIterator<Item = &'m Machine>, limits: Limits) -> Option<Cooling> {
+        let is_gpu = |machine: &Machine| machine.name().1 == MachineKind::Gpu;
+        machines.into_iter().any(is_gpu).then(|| Cooling::open(limits))
+    }
+
     /// Opens the management library.
-    pub(super) fn open(limits: Limits) -> Cooling {
+    fn open(limits: Limits) -> Cooling {
         match Nvml::init() {
             Ok(nvml) => Cooling::with(Some(Box::new(nvml)), limits),
             Err(why) => {
@@ -65,7 +80,7 @@ impl Cooling {
     }
 
     /// Waits until the GPU is cool enough, or as long as allowed.
-    pub(super) fn wait(&mut self) {
+    pub(in crate::lab) fn wait(&mut self) {
         self.wait_by(&mut || sleep(INTERVAL));
     }
 
@@ -84,7 +99,7 @@ impl Cooling {
     }
 
     /// Returns what to say about the waiting.
-    pub(super) fn into_notes(self) -> Vec<String> {
+    pub(in crate::lab) fn into_notes(self) -> Vec<String> {
         self.notes
     }
 }
