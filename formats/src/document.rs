@@ -24,6 +24,18 @@ pub enum Kind {
     Glb,
 }
 
+/// How an output is compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Compression {
+    /// Not at all.
+    #[default]
+    None,
+    /// By `EXT_meshopt_compression`, which readers must then support, without loss: what is read back is the same byte
+    /// by byte. Buffer views that would not become smaller, and images, stay as they are.
+    Meshopt,
+}
+
 /// A whole scene file: the glTF 2.0 JSON tree and the bytes of its buffers.
 #[derive(Clone, Debug)]
 pub struct Document {
@@ -256,6 +268,14 @@ impl Document {
         crate::gltf::write::stage(self, out)
     }
 
+    /// Like [`Document::stage`], compressed.
+    ///
+    /// # Errors
+    /// See [`Document::stage`].
+    pub fn stage_with(&self, out: &Path, compression: Compression) -> Result<Staged, Error> {
+        crate::gltf::write::stage_with(self, out, compression)
+    }
+
     /// Stages the input file byte for byte, with the files it refers to if `out` is in another folder. If input and
     /// output differ in kind, this is [`Document::stage`].
     ///
@@ -292,4 +312,6 @@ pub struct Staged {
     pub(crate) files: Vec<(PathBuf, PathBuf)>,
     /// What could not be copied, such as missing images.
     pub warnings: Vec<Warning>,
+    /// Whether the scene file is the input byte for byte.
+    pub is_input: bool,
 }

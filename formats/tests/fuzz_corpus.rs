@@ -39,3 +39,13 @@ fn no_obj_of_the_corpus_panics() {
 fn no_mtl_of_the_corpus_panics() {
     replay("mtl", targets::mtl);
 }
+
+#[test]
+fn no_meshopt_stream_of_the_corpus_panics() {
+    replay("meshopt", targets::meshopt);
+}
+
+#[test]
+fn no_draco_stream_of_the_corpus_panics() {
+    replay("draco", targets::draco);
+}

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use raykiln_formats::{DoubleSided, ObjNormals, ObjOptions};
+use raykiln_formats::document::Compression;
+use raykiln_formats::{DoubleSided, ObjNormals, ObjOptions};
 
 use crate::choose::model::Class;
 use crate::choose::plans::Effort;
@@ -214,6 +216,9 @@ pub(super) struct OptionArguments {
     /// How to write the instances of one mesh
     #[arg(long, value_enum, value_name = "HOW", default_value_t = InstancingArgument::Nodes)]
     instancing: InstancingArgument,
+    /// How to compress the output
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = CompressArgument::None)]
+    compress: CompressArgument,
     /// Which copies of a mesh to replace by instances of it
     /// [default: rigid for auto, off otherwise]
     #[arg(long, value_enum, value_name = "LIKENESS")]
@@ -453,6 +458,23 @@ enum InstancingArgument {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum CompressArgument {
+    /// Not at all
+    None,
+    /// By EXT_meshopt_compression, without loss; readers must support it
+    Meshopt,
+}
+
+impl From<CompressArgument> for Compression {
+    fn from(argument: CompressArgument) -> Self {
+        match argument {
+            CompressArgument::None => Compression::None,
+            CompressArgument::Meshopt => Compression::Meshopt,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum CopiesArgument {
     /// Copies with equal coordinates and attributes, in any order of triangles and vertices
     Exact,
@@ -612,6 +634,7 @@ impl OptionArguments {
             load: LoadOptions { strict: self.strict, keep: self.keep.clone(), obj: self.obj.options() },
             prune: self.prune,
             copy_instances: self.instancing == InstancingArgument::Extension,
+            compression: self.compress.into(),
             verify: self.verify.options(),
             plan: PlanUse::Neither,
         })

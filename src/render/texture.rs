@@ -12,6 +12,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::colour::decoded;
+use crate::scene::webp;
 
 /// Largest width or height of an image, in texels.
 const MOST_SIDE: usize = 16_384;
@@ -50,7 +51,7 @@ pub(super) struct Sampler {
 }
 
 impl Texels {
-    /// Decodes a PNG or JPEG image, and halves it until it has at most `most` texels.
+    /// Decodes a PNG, JPEG or WebP image, and halves it until it has at most `most` texels.
     ///
     /// # Errors
     /// Describes why the image cannot be decoded.
@@ -58,7 +59,8 @@ impl Texels {
         let mut texels = match () {
             () if bytes.starts_with(b"\x89PNG\r\n\x1A\n") => decode_png(bytes)?,
             () if bytes.starts_with(b"\xFF\xD8\xFF") => decode_jpeg(bytes)?,
-            () => return Err("it is neither PNG nor JPEG".into()),
+            () if webp::is_webp(bytes) => decode_webp(bytes)?,
+            () => return Err("it is neither PNG nor JPEG nor WebP".into()),
         };
         while texels.rgba.len() > most.max(1) {
             texels = texels.halved();
@@ -150,6 +152,11 @@ fn decode_jpeg(bytes: &[u8]) -> Result<Texels, String> {
     sized([size.0, size.1], data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 255]).collect())
 }
 
+fn decode_webp(bytes: &[u8]) -> Result<Texels, String> {
+    let image = webp::decode(bytes, MOST_SIDE as u32)?;
+    sized(image.size.map(|side| side as usize), image.rgba)
+}
+
 fn sized(size: [usize; 2], rgba: Vec<[u8; 4]>) -> Result<Texels, String> {
     let is_whole = rgba.len() == size[0] * size[1] && !rgba.is_empty();
     is_whole.then_some(Texels { size, rgba }).ok_or_else(|| "it has fewer texels than it says".into())
@@ -167,6 +174,12 @@ mod tests {
         writer.write_image_data(rgba).expect("written");
         writer.finish().expect("written");
         bytes
+    }
+
+    #[test]
+    fn webp_images_are_decoded() {
+        let image = webp::tests::encoded([1, 1], &[9, 8, 7, 6]);
+        assert_eq!(Texels::decode(&image, 64), Ok(Texels { size: [1, 1], rgba: vec![[9, 8, 7, 6]] }));
     }
 
     const NEAREST: Sampler = Sampler { wrap: [Wrap::Repeat; 2], nearest: true };

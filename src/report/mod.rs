@@ -7,6 +7,7 @@ mod choice;
 mod contents;
 mod depfile;
 mod devices;
+mod files;
 mod findings;
 pub mod html;
 pub mod json;
@@ -28,6 +29,7 @@ pub(crate) mod words;
 
 pub use depfile::depfile;
 pub use devices::{Device, DeviceLimits, DevicesReport};
+pub use files::OutputCompression;
 pub(crate) use findings::{Broken, Objects, compare_with_output};
 pub use findings::{Cost, FailOn, Finding, NoSuchRule, Rule, Severity, Work, to_sarif};
 pub use passes::Pass;
@@ -99,6 +101,8 @@ pub struct BakeReport {
     pub peak_memory_bytes: Option<u64>,
     /// Size of the output's files.
     pub output_bytes: u64,
+    /// How the output is compressed.
+    pub output_compression: OutputCompression,
     /// With `--instancing extension`: instances written as copies of one node.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub copied: Option<Copied>,

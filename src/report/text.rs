@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::files;
 use super::motion;
 use super::precision;
 use super::speed;
@@ -37,6 +38,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
     text += &findings_of_input(&report.findings, verbose);
     text += &moving(&report.motion);
+    text += &files::words(report);
     text += &seconds(report);
     let verdict = match report.verdict {
         Verdict::Faster => "faster",

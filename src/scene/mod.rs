@@ -13,6 +13,7 @@ mod position_key;
 mod reading;
 mod scene_core;
 mod stand_in;
+pub(crate) mod webp;
 
 pub use alpha::{AlphaTest, AlphaTexture, Image, Wrap};
 pub(crate) use apart::{Apart, apart};

@@ -10,6 +10,7 @@ mod bad_input;
 mod batch;
 mod cache;
 mod cli;
+mod compressed;
 mod dependencies;
 mod determinism;
 #[cfg(feature = "vulkan")]

@@ -1,6 +1,7 @@
 //! Randomly modified files never make the program panic: it reads or rejects them.
 
 use crate::common::{Sample, folder_names, methods, raykiln, samples};
+use crate::compressed;
 use fastrand::Rng;
 use raykiln::methods::{self, Method};
 use raykiln::scene::{self, LoadOptions};
@@ -10,6 +11,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 const READS_A_FILE: u64 = 300;
+const READS_A_COMPRESSED_FILE: u64 = 40;
 const BAKES_A_FILE: u64 = 5;
 
 /// Modifies some bytes: bits, digits (which keep JSON and OBJ well-formed), whole numbers, the length, the order.
@@ -107,6 +109,22 @@ fn changed_files_are_read_or_refused() {
         let outcome = catch_unwind(AssertUnwindSafe(|| read_and_lay_out(scene)));
         assert!(outcome.is_ok(), "{} changed with seed {seed}", file.display());
     });
+}
+
+#[test]
+fn changed_compressed_files_are_read_or_refused() {
+    for name in compressed::SAMPLES {
+        let original = fs::read(compressed::sample(name)).expect("readable");
+        let folder = TempDir::new().expect("a temporary folder");
+        let scene = folder.path().join(name);
+        for seed in 0..READS_A_COMPRESSED_FILE {
+            let mut bytes = original.clone();
+            mutate(&mut bytes, &mut Rng::with_seed(seed));
+            fs::write(&scene, &bytes).expect("writable");
+            let outcome = catch_unwind(AssertUnwindSafe(|| read_and_lay_out(&scene)));
+            assert!(outcome.is_ok(), "{name} changed with seed {seed}");
+        }
+    }
 }
 
 #[test]

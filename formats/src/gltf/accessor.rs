@@ -105,6 +105,11 @@ impl<'d> Accessor<'d> {
         self.count * element_size(self.kind, self.element)
     }
 
+    /// Whether the components are unsigned integers of 16 or 32 bits that stand for themselves.
+    pub(super) fn is_unsigned(&self) -> bool {
+        matches!(self.element.component, Component::U16 | Component::U32) && !self.element.normalized
+    }
+
     /// Returns the elements as unsigned integers, if this is a SCALAR accessor of them.
     pub(super) fn scalars(&self) -> Option<Vec<u32>> {
         if self.kind != "SCALAR" || self.element.normalized {

@@ -6,6 +6,7 @@ use bytes::Bytes;
 use serde_json::Value;
 
 use super::accessor::view_range;
+use super::compressed::writing::Compressed;
 use super::edit;
 use super::json::At;
 use crate::{Document, Error};
@@ -17,8 +18,10 @@ pub(super) struct Packed {
     pieces: Vec<(usize, Bytes)>,
     /// Total length in bytes.
     pub(super) length: usize,
-    /// The `bufferViews` list; every view refers to buffer 0.
+    /// The `bufferViews` list; every view refers to buffer 0, but compressed ones to buffer 1.
     pub(super) views: Value,
+    /// Length of buffer 1 in bytes, which holds nothing; 0 if there are no compressed views.
+    pub(super) placeholder: usize,
 }
 
 /// Views of one buffer that share bytes, directly or through other views.
@@ -31,17 +34,18 @@ struct Cluster {
 }
 
 impl Packed {
-    /// Joins the buffers of a document. Bytes outside all views are dropped, shared bytes stay shared, and every offset
+    /// Joins the buffers of a document, with streams instead of the views that are compressed. Other bytes outside all views are dropped, shared bytes stay shared, and every offset
     /// stays the same modulo 4, which preserves alignment.
-    pub(super) fn new(doc: &Document) -> Result<Self, Error> {
+    pub(super) fn new(doc: &Document, compressed: &[Option<Compressed>]) -> Result<Self, Error> {
+        let of_view = |i: usize| compressed.get(i).and_then(Option::as_ref);
         let mut views = Vec::new();
-        for (i, view) in At::root(doc).list("bufferViews")?.enumerate() {
+        for (i, view) in At::root(doc).list("bufferViews")?.enumerate().filter(|(i, _)| of_view(*i).is_none()) {
             let (buffer, range) = view_range(doc, &view)?;
             views.push((buffer, range.start, range.end, i));
         }
         views.sort_unstable();
         let mut packed = Packed { views: Value::Array(Vec::new()), ..Packed::default() };
-        let mut offsets = vec![0; views.len()];
+        let mut offsets = vec![0; At::root(doc).count("bufferViews")];
         for cluster in clusters(&views) {
             let data = doc.buffers[cluster.buffer].slice(cluster.start..cluster.end);
             let offset = packed.append(data, cluster.start % 4);
@@ -53,10 +57,22 @@ impl Packed {
             // Empty views still need a buffer, and glTF forbids empty buffers.
             packed.append(Bytes::from_static(&[0; 4]), 0);
         }
-        for (view, offset) in At::root(doc).list("bufferViews")?.zip(offsets) {
-            edit::append(&mut packed.views, moved(view.value, offset));
+        for (i, (view, offset)) in At::root(doc).list("bufferViews")?.zip(offsets).enumerate() {
+            let view = match of_view(i) {
+                Some(compressed) => packed.compressed(view.value, compressed),
+                None => moved(view.value, offset),
+            };
+            edit::append(&mut packed.views, view);
         }
         Ok(packed)
+    }
+
+    /// Adds the stream of a compressed view; returns the view.
+    fn compressed(&mut self, view: &Value, compressed: &Compressed) -> Value {
+        let offset = self.append(compressed.stream.clone(), 0);
+        let described = compressed.describe(view, offset, self.placeholder);
+        self.placeholder += compressed.length().next_multiple_of(4);
+        described
     }
 
     /// Adds a new buffer view for the given bytes; returns its index.

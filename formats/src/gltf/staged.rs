@@ -41,7 +41,7 @@ impl Staged {
     pub(super) fn new(out: &Path) -> Result<Self, Error> {
         let folder = staging_folder(out)?;
         let target = folder_of(out).to_owned();
-        Ok(Staged { folder, target, files: Vec::new(), warnings: Vec::new() })
+        Ok(Staged { folder, target, files: Vec::new(), warnings: Vec::new(), is_input: false })
     }
 
     /// Writes a file to be named `name` in the final folder.

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use super::binary::{BIN, CHUNK_HEADER, HEADER, JSON, MAGIC};
+use super::compressed::writing;
 use super::images::Images;
 use super::json::At;
 use super::outline::files_of;
@@ -15,7 +16,7 @@ use super::pack::Packed;
 use super::read::read_regular;
 use super::staged;
 use super::uri::{self, Uri};
-use crate::document::{Document, Kind, Staged};
+use crate::document::{Compression, Document, Kind, Staged};
 use crate::{Error, Warning};
 
 pub(crate) fn check(out: &Path) -> Result<(), Error> {
@@ -33,6 +34,10 @@ pub(crate) fn can_hold(out: &Path, name: &Path) -> bool {
 }
 
 pub(crate) fn stage(doc: &Document, out: &Path) -> Result<Staged, Error> {
+    stage_with(doc, out, Compression::None)
+}
+
+pub(crate) fn stage_with(doc: &Document, out: &Path, compression: Compression) -> Result<Staged, Error> {
     let kind = kind_of(out)?;
     let same_folder = is_same_folder(&doc.path, out);
     let name = file_name(out)?;
@@ -40,14 +45,23 @@ pub(crate) fn stage(doc: &Document, out: &Path) -> Result<Staged, Error> {
     check_references_survive(&references, doc, out, same_folder)?;
     let bin = bin_name(out, &references, same_folder && !is_same_file(&doc.path, out));
     let mut staged = Staged::new(out)?;
-    let mut packed = Packed::new(doc)?;
+    let compressed = match compression {
+        Compression::None => Vec::new(),
+        Compression::Meshopt => writing::compress(doc)?,
+    };
+    let mut packed = Packed::new(doc, &compressed)?;
     let mut images = Images::new(doc, kind, same_folder, &[&name, &bin]);
     let images = images.place(&mut packed, &mut staged)?;
     let uri = (kind == Kind::Gltf).then(|| uri::encode(&bin));
-    let buffers = joined_buffer(doc, uri, packed.length, &mut staged.warnings);
+    let buffers = joined_buffer(doc, uri, &packed, &mut staged.warnings);
     let views = std::mem::take(&mut packed.views);
     let views = views.as_array().is_some_and(|list| !list.is_empty()).then_some(views);
-    let json = to_text(&doc.json, [("buffers", buffers), ("bufferViews", views), ("images", images)]);
+    let mut lists = vec![("buffers", buffers), ("bufferViews", views), ("images", images)];
+    if packed.placeholder > 0 {
+        let names = ["extensionsUsed", "extensionsRequired"];
+        lists.extend(names.map(|list| (list, Some(writing::with_extension(&doc.json, list)))));
+    }
+    let json = to_text(&doc.json, &lists);
     match kind {
         Kind::Glb => write_glb(&mut staged, &name, &json, &packed, out)?,
         Kind::Gltf | Kind::Obj => {
@@ -70,6 +84,7 @@ pub(crate) fn stage_unchanged(doc: &Document, out: &Path) -> Result<Staged, Erro
     }
     check_references_survive(&references, doc, out, same_folder)?;
     let mut staged = Staged::new(out)?;
+    staged.is_input = true;
     for reference in &references.buffers {
         match same_folder {
             true => staged.lend(&reference.file, &reference.name)?,
@@ -219,8 +234,8 @@ fn other_name_warning(out: &Path, bin: &str) -> Option<Warning> {
 }
 
 /// Returns the `buffers` list of the output: the first buffer's properties, with another length and name.
-fn joined_buffer(doc: &Document, uri: Option<String>, length: usize, warnings: &mut Vec<Warning>) -> Option<Value> {
-    if length == 0 {
+fn joined_buffer(doc: &Document, uri: Option<String>, packed: &Packed, warnings: &mut Vec<Warning>) -> Option<Value> {
+    if packed.length == 0 {
         return None;
     }
     let own = |key: &String| key != "uri" && key != "byteLength";
@@ -232,14 +247,15 @@ fn joined_buffer(doc: &Document, uri: Option<String>, length: usize, warnings: &
     }
     let mut buffer = Map::new();
     buffer.extend(uri.map(|uri| ("uri".to_owned(), Value::from(uri))));
-    buffer.insert("byteLength".into(), length.into());
+    buffer.insert("byteLength".into(), packed.length.into());
     let rest = old.first().and_then(Value::as_object).into_iter().flatten();
     buffer.extend(rest.filter(|(key, _)| own(key)).map(|(key, value)| (key.clone(), value.clone())));
-    Some(Value::Array(vec![Value::Object(buffer)]))
+    let placeholder = (packed.placeholder > 0).then(|| writing::placeholder(packed.placeholder));
+    Some([Value::Object(buffer)].into_iter().chain(placeholder).collect())
 }
 
 /// Returns the JSON text of a document, with some lists replaced or (if `None`) left out.
-fn to_text<const N: usize>(json: &Value, lists: [(&str, Option<Value>); N]) -> Vec<u8> {
+fn to_text(json: &Value, lists: &[(&str, Option<Value>)]) -> Vec<u8> {
     let replaced = |key: &str| lists.iter().find(|(list, _)| *list == key);
     let old = json.as_object().into_iter().flatten();
     let old = old.filter_map(|(key, value)| match replaced(key) {

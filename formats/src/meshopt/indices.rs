@@ -1,6 +1,6 @@
 //! Mode 2: indices as differences to one of two that came before.
 
-use super::varint::{Reader, difference};
+use super::varint::{Reader, difference, push_number, zigzag};
 use super::{Fault, version};
 
 const HEADER: u8 = 0xD0;
@@ -26,6 +26,24 @@ pub(super) fn decode(stream: &[u8], count: usize) -> Result<Vec<u32>, Fault> {
     Ok(indices)
 }
 
+/// Returns the stream of indices.
+pub(super) fn encode(indices: &[u32]) -> Vec<u8> {
+    /// Differences from here on take two bytes: two bits of a number are sign and baseline.
+    const FAR: u32 = 30;
+    let mut stream = vec![HEADER | 1];
+    let mut last = [0_u32; 2];
+    let mut current = 0;
+    for &index in indices {
+        let distance = index.wrapping_sub(last[current]).cast_signed().unsigned_abs();
+        current ^= usize::from(distance >= FAR);
+        let number = zigzag(index.wrapping_sub(last[current]));
+        push_number(&mut stream, number << 1 | current as u32);
+        last[current] = index;
+    }
+    stream.extend([0; TAIL]);
+    stream
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -49,5 +67,17 @@ mod tests {
         assert_eq!(decode(&[0xD1], 0), Err(Fault::Short));
         assert_eq!(decode(&[], 0), Err(Fault::Short));
         assert_eq!(decode(&[0xE1, 0, 0, 0, 0], 0), Err(Fault::Header(0xE1)));
+    }
+
+    #[test]
+    fn indices_are_decoded_as_they_were_encoded() {
+        for indices in [vec![], vec![7], vec![0, 1, 51, 2, 49, 1000], vec![0, 1 << 29, 3, (1 << 29) + 5, 0]] {
+            assert_eq!(decode(&encode(&indices), indices.len()), Ok(indices));
+        }
+    }
+
+    #[test]
+    fn streams_are_those_of_the_reference_encoder() {
+        assert_eq!(encode(&[0, 1, 51, 2, 49, 1000]), [&STREAM[..], &[0]].concat());
     }
 }

@@ -69,6 +69,32 @@ impl Mode {
     }
 }
 
+/// Returns the shortest stream from which elements are decoded byte by byte as they are, and its mode. Elements of 2 or 4
+/// bytes may be `indices`. `None` if no mode is made for elements of this size.
+pub(crate) fn encode(elements: &[u8], stride: usize, indices: bool) -> Option<(Mode, Vec<u8>)> {
+    let mut streams = Vec::new();
+    if stride.is_multiple_of(4) && (4..=256).contains(&stride) {
+        streams.push((Mode::Attributes, vertices::encode(elements, stride)));
+    }
+    if indices && (stride == 2 || stride == 4) {
+        let number = |bytes: &[u8]| bytes.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte));
+        let numbers: Vec<u32> = elements.chunks_exact(stride).map(number).collect();
+        // Numbers beyond are not whole after the shift for the baseline.
+        if numbers.iter().all(|number| *number < 1 << 30) {
+            streams.push((Mode::Indices, indices::encode(&numbers)));
+        }
+        let (triangles, rest) = numbers.as_chunks();
+        if rest.is_empty() {
+            let stream = triangles::encode(triangles);
+            // The triangles may begin at another corner.
+            if triangles::decode(&stream, triangles.len()).is_ok_and(|decoded| decoded == triangles) {
+                streams.push((Mode::Triangles, stream));
+            }
+        }
+    }
+    streams.into_iter().min_by_key(|(_, stream)| stream.len())
+}
+
 /// Returns the first byte of a stream, if its upper half is that of the mode and its lower half a known version.
 fn version(stream: &[u8], header: u8) -> Result<u8, Fault> {
     match *stream.first().ok_or(Fault::Short)? {

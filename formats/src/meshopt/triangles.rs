@@ -3,7 +3,7 @@
 //! Based, as the reference implementation is, on F. Giesen, "Simple lossless index buffer compression & follow-up" (2013)
 //! and C. Stokes, "Vertex cache optimised index buffer compression" (2014).
 
-use super::varint::{Reader, difference};
+use super::varint::{Reader, difference, push_number, zigzag};
 use super::{Fault, version};
 
 const HEADER: u8 = 0xE0;
@@ -153,6 +153,126 @@ impl Decoder<'_> {
     }
 }
 
+/// Codes of the second and third corner that are frequent in usual meshes, as the reference encoder has them.
+const FREQUENT: [u8; TABLE] =
+    [0x00, 0x76, 0x87, 0x56, 0x67, 0x78, 0xA9, 0x86, 0x65, 0x89, 0x68, 0x98, 0x01, 0x69, 0, 0];
+
+/// The state of an encoder between triangles.
+struct Encoder {
+    codes: Vec<u8>,
+    data: Vec<u8>,
+    next: u32,
+    last: u32,
+    edges: Recent<[u32; 2]>,
+    vertices: Recent<u32>,
+}
+
+/// Returns the stream of triangles, version 1. The decoded ones may begin at another of their corners.
+pub(super) fn encode(triangles: &[[u32; 3]]) -> Vec<u8> {
+    let mut encoder = Encoder {
+        codes: Vec::with_capacity(triangles.len()),
+        data: Vec::new(),
+        next: 0,
+        last: 0,
+        edges: Recent::new([u32::MAX; 2]),
+        vertices: Recent::new(u32::MAX),
+    };
+    for triangle in triangles {
+        match encoder.shared_edge(*triangle) {
+            Some((age, corners)) => encoder.beside_edge(age, corners),
+            None => encoder.corners(*triangle),
+        }
+    }
+    [&[HEADER | 1][..], &encoder.codes, &encoder.data, &FREQUENT].concat()
+}
+
+impl Encoder {
+    /// Returns the age of the youngest edge of the last 15 that is one of the triangle's, and the corners from it on.
+    fn shared_edge(&self, [a, b, c]: [u32; 3]) -> Option<(u8, [u32; 3])> {
+        let turned = [[a, b, c], [b, c, a], [c, a, b]];
+        (0..15).find_map(|age| {
+            let edge = self.edges.get(age);
+            let corners = turned.into_iter().find(|corners| corners[..2] == edge)?;
+            Some((age, corners))
+        })
+    }
+
+    fn beside_edge(&mut self, edge: u8, [a, b, c]: [u32; 3]) {
+        let recent = (1..13).find(|age| self.vertices.get(*age) == c);
+        let code = match recent {
+            Some(age) => age,
+            None if c == self.next => {
+                self.next = self.next.wrapping_add(1);
+                0
+            }
+            None if c.wrapping_add(1) == self.last => 13,
+            None if c == self.last.wrapping_add(1) => 14,
+            None => 15,
+        };
+        self.codes.push(edge << 4 | code);
+        if code == 15 {
+            push_number(&mut self.data, zigzag(c.wrapping_sub(self.last)));
+        }
+        if code >= 13 {
+            self.last = c;
+        }
+        if recent.is_none() {
+            self.vertices.push(c);
+        }
+        self.edges.push([c, b]);
+        self.edges.push([a, c]);
+    }
+
+    /// Codes a triangle by its three corners, beginning at the one that comes next in order, if there is one.
+    fn corners(&mut self, [a, b, c]: [u32; 3]) {
+        let [a, b, c] = if b == self.next {
+            [b, c, a]
+        } else if c == self.next {
+            [c, a, b]
+        } else {
+            [a, b, c]
+        };
+        let is_restart = [a, b, c] == [0, 1, 2] && self.next > 0;
+        if is_restart {
+            self.next = 0;
+            self.vertices = Recent::new(u32::MAX);
+        }
+        let first = if self.is_next(a) { 0 } else { 15 };
+        let others = [b, c].map(|corner| (0..14).find(|age| self.vertices.get(*age) == corner));
+        let [second, third] = [(b, others[0]), (c, others[1])].map(|(corner, recent)| match recent {
+            Some(age) => age + 1,
+            None if self.is_next(corner) => 0,
+            None => 15,
+        });
+        let others = second << 4 | third;
+        let frequent = FREQUENT[..14].iter().position(|code| *code == others);
+        match frequent.filter(|_| first == 0 && !is_restart) {
+            Some(position) => self.codes.push(0xF0 | position as u8),
+            None => {
+                self.codes.push(0xFE | first & 1);
+                self.data.push(others);
+            }
+        }
+        for (corner, code) in [(a, first), (b, second), (c, third)] {
+            if code == 15 {
+                push_number(&mut self.data, zigzag(corner.wrapping_sub(self.last)));
+                self.last = corner;
+            }
+            if code == 0 || code == 15 {
+                self.vertices.push(corner);
+            }
+        }
+        [[b, a], [c, b], [a, c]].into_iter().for_each(|edge| self.edges.push(edge));
+    }
+
+    /// Whether a vertex is the next in order; if so, the one after it is next.
+    fn is_next(&mut self, vertex: u32) -> bool {
+        let is_next = vertex == self.next;
+        self.next = self.next.wrapping_add(u32::from(is_next));
+        is_next
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -195,5 +315,30 @@ mod tests {
         let mut stream = STREAM_1;
         stream[20] = 0x1F;
         assert_eq!(decode(&stream, 5), Err(Fault::Table(0x1F)));
+    }
+
+    /// Triangles that begin at their least corner.
+    fn from_least(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+        let turned = |[a, b, c]: &[u32; 3]| [[*a, *b, *c], [*b, *c, *a], [*c, *a, *b]];
+        triangles.iter().map(|t| *turned(t).iter().min().expect("three")).collect()
+    }
+
+    #[test]
+    fn triangles_are_decoded_as_they_were_encoded_but_for_their_first_corner() {
+        let strip: Vec<[u32; 3]> = (0..40).map(|i| [i, i + 1, i + 2]).collect();
+        let scattered: Vec<[u32; 3]> =
+            (0..90_u32).map(|i| [i * 7919 % 83, i * 104_729 % 89 + 83, i % 5 + 200]).collect();
+        let again = [&strip[..], &scattered, &[[0, 1, 2], [0, 1, 2], [2, 1, 0], [5, 5, 5]], &strip].concat();
+        for triangles in [strip, scattered, again, vec![]] {
+            let decoded = decode(&encode(&triangles), triangles.len()).expect("sound");
+            assert_eq!(from_least(&decoded), from_least(&triangles));
+            assert_eq!(encode(&decoded).len(), encode(&triangles).len());
+        }
+    }
+
+    #[test]
+    fn streams_are_those_of_the_reference_encoder() {
+        let triangles = [[0, 1, 2], [2, 1, 3], [0, 1, 2], [2, 1, 5], [2, 1, 4]];
+        assert_eq!(encode(&triangles), STREAM_1);
     }
 }

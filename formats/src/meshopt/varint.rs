@@ -53,6 +53,20 @@ pub(super) fn difference(zigzag: u32) -> u32 {
     (zigzag >> 1) ^ (zigzag & 1).wrapping_neg()
 }
 
+/// Appends a number.
+pub(super) fn push_number(bytes: &mut Vec<u8>, mut number: u32) {
+    while number >= 0x80 {
+        bytes.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    bytes.push(number as u8);
+}
+
+/// Returns the unsigned number that stands for a signed difference, see [`difference`].
+pub(super) fn zigzag(difference: u32) -> u32 {
+    (difference << 1) ^ (difference >> 31).wrapping_neg()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,6 +82,16 @@ mod tests {
     fn numbers_that_do_not_end_are_refused() {
         assert_eq!(Reader::new(&[0x80; 9]).number(), Err(Fault::Number));
         assert_eq!(Reader::new(&[0x80; 4]).number(), Err(Fault::Short));
+    }
+
+    #[test]
+    fn numbers_and_differences_are_read_as_they_were_written() {
+        for number in [0, 1, 0x7F, 0x80, 0x3FFF, 0x4000, 1 << 28, u32::MAX - 1, u32::MAX] {
+            let mut bytes = Vec::new();
+            push_number(&mut bytes, number);
+            assert_eq!(Reader::new(&bytes).number(), Ok(number));
+            assert_eq!(difference(zigzag(number)), number);
+        }
     }
 
     #[test]

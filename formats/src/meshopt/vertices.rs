@@ -209,6 +209,67 @@ fn unzigzag_16(v: u16) -> u16 {
     (v >> 1) ^ (v & 1).wrapping_neg()
 }
 
+/// Returns the stream of elements of `stride` bytes, version 0.
+pub(super) fn encode(elements: &[u8], stride: usize) -> Vec<u8> {
+    let mut stream = vec![HEADER];
+    let first = elements.get(..stride).map_or_else(|| vec![0; stride], <[u8]>::to_vec);
+    let mut last = first.clone();
+    for block in elements.chunks(block_elements(stride) * stride) {
+        for (byte, last) in last.iter_mut().enumerate() {
+            let mut column = [0; BLOCK];
+            let values = block[byte..].iter().step_by(stride);
+            for (difference, value) in column.iter_mut().zip(values) {
+                *difference = zigzag_8(value.wrapping_sub(*last));
+                *last = *value;
+            }
+            write_column(&mut stream, &column, block.len() / stride);
+        }
+    }
+    stream.resize(stream.len() + TAIL[0].saturating_sub(stride), 0);
+    stream.extend(first);
+    stream
+}
+
+/// Writes the differences of one byte of `count` elements, each group in the width that takes the fewest bytes.
+fn write_column(stream: &mut Vec<u8>, column: &Column, count: usize) {
+    let groups = &column.as_chunks::<GROUP>().0[..count.div_ceil(GROUP)];
+    let header = stream.len();
+    stream.resize(header + groups.len().div_ceil(4), 0);
+    for (i, group) in groups.iter().enumerate() {
+        let mode = (0..4).min_by_key(|mode| group_bytes(group, WIDTHS_0[*mode])).unwrap_or(3);
+        stream[header + i / 4] |= (mode as u8) << (2 * (i % 4));
+        write_group(stream, group, WIDTHS_0[mode]);
+    }
+}
+
+/// Returns the bytes that a group takes in a width; more than any other if it does not fit.
+fn group_bytes(group: &[u8; GROUP], width: u32) -> usize {
+    match width {
+        0 if group.iter().all(|difference| *difference == 0) => 0,
+        0 => usize::MAX,
+        8 => GROUP,
+        _ => 2 * width as usize + group.iter().filter(|difference| u32::from(**difference) >= (1 << width) - 1).count(),
+    }
+}
+
+fn write_group(stream: &mut Vec<u8>, group: &[u8; GROUP], width: u32) {
+    match width {
+        0 => {}
+        8 => stream.extend(group),
+        _ => {
+            let all_bits = (1 << width) - 1;
+            for packed in group.chunks(8 / width as usize) {
+                stream.push(packed.iter().fold(0, |bits, difference| bits << width | difference.min(&all_bits)));
+            }
+            stream.extend(group.iter().filter(|difference| **difference >= all_bits));
+        }
+    }
+}
+
+fn zigzag_8(v: u8) -> u8 {
+    (v << 1) ^ (v >> 7).wrapping_neg()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -310,5 +371,27 @@ mod tests {
         assert_eq!(decode(&stream, 0, 16), Ok(Vec::new()));
         assert_eq!(decode(&stream, 1, 16), Err(Fault::Short));
         assert_eq!(decode(&[&stream[..], &[0]].concat(), 0, 16), Err(Fault::Long(1)));
+    }
+
+    #[test]
+    fn elements_are_decoded_as_they_were_encoded() {
+        for stride in [4, 12, 16, 64, 256] {
+            for count in [0, 1, 15, 16, 17, 255, 256, 257, 1000] {
+                // Constant, slowly changing and random bytes.
+                let byte = |i: usize| match i % 4 {
+                    0 => 7,
+                    1 => (i / stride) as u8,
+                    2 => (i / stride / 3 % 5) as u8,
+                    _ => (i.wrapping_mul(0x9E37_79B9) >> 13) as u8,
+                };
+                let elements: Vec<u8> = (0..count * stride).map(byte).collect();
+                assert_eq!(decode(&encode(&elements, stride), count, stride), Ok(elements), "{count} of {stride}");
+            }
+        }
+    }
+
+    #[test]
+    fn streams_are_those_of_the_reference_encoder() {
+        assert_eq!(encode(&positions(), 12), hex(POSITIONS_0));
     }
 }

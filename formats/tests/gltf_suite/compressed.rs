@@ -7,6 +7,7 @@ use std::process::Command;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use raykiln_formats::document::Compression;
 use raykiln_formats::{Document, ReadOptions, read};
 use serde_json::{Value, json};
 
@@ -419,4 +420,57 @@ fn damaged_samples_are_read_or_refused() {
             }
         }
     }
+}
+
+/// All accessors and views of a document, as they are read.
+fn everything(doc: &Document) -> (Value, Vec<Vec<u8>>) {
+    let mut json = doc.json.clone();
+    let views = json["bufferViews"].as_array_mut().unwrap();
+    let bytes = |view: &mut Value| {
+        let at = |key: &str| view[key].as_u64().unwrap_or(0) as usize;
+        let bytes = doc.buffers[at("buffer")][at("byteOffset")..][..at("byteLength")].to_vec();
+        view.as_object_mut().unwrap().retain(|key, _| ["byteStride", "target", "name"].contains(&key.as_str()));
+        bytes
+    };
+    let bytes = views.iter_mut().map(bytes).collect();
+    json["buffers"].take();
+    (json, bytes)
+}
+
+#[test]
+fn what_is_written_compressed_is_read_back_byte_by_byte() {
+    let folder = folder(&[]);
+    for (name, ending) in SAMPLES.iter().zip(["glb", "gltf", "gltf", "glb"]) {
+        let doc = read(&sample(name)).unwrap();
+        let [plain, small] = [Compression::None, Compression::Meshopt].map(|compression| {
+            let out = folder.path().join(format!("{compression:?}.{ending}"));
+            let staged = doc.stage_with(&out, compression).unwrap();
+            let bytes = staged.bytes();
+            staged.commit().unwrap();
+            (out, bytes)
+        });
+        assert!(10 * small.1 < 9 * plain.1, "{name}: {} of {} bytes", small.1, plain.1);
+        let [plain, small] = [plain.0, small.0].map(|out| everything(&read(&out).unwrap()));
+        assert!(plain == small, "{name}");
+    }
+}
+
+#[test]
+fn other_decoders_read_what_is_written_compressed() {
+    let folder = folder(&[]);
+    for name in SAMPLES {
+        let out = folder.path().join(name);
+        read(&sample(name)).unwrap().stage_with(&out, Compression::Meshopt).unwrap().commit().unwrap();
+        assert!(compare(&out) >= 10, "{name}");
+    }
+}
+
+#[test]
+fn a_file_that_does_not_become_smaller_is_written_without_the_extension() {
+    let folder = folder(&[]);
+    let out = folder.path().join("out.glb");
+    let doc = read_bytes("a.glb", &glb(&triangle_json(), &triangle_bytes())).unwrap();
+    doc.stage_with(&out, Compression::Meshopt).unwrap().commit().unwrap();
+    assert_eq!(read(&out).unwrap().json, triangle_json());
+    assert!(!String::from_utf8_lossy(&std::fs::read(out).unwrap()).contains("meshopt"));
 }

@@ -11,7 +11,7 @@ use std::time::Instant;
 pub use clock::Stage;
 pub use copies::FindCopies;
 
-use raykiln_formats::document::{self, Staged};
+use raykiln_formats::document::{self, Compression, Staged};
 use raykiln_formats::{Document, Warning};
 
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
@@ -25,7 +25,9 @@ use crate::layout::Layout;
 use crate::motion::advice::{self, Advice};
 use crate::report::html::Shown;
 use crate::report::plan::{Hashes, PlannedDevice};
-use crate::report::{self, BakeReport, Finding, Input, MethodReport, Pass, ReportedOptions, Seconds, Size, Speed};
+use crate::report::{
+    self, BakeReport, Finding, Input, MethodReport, OutputCompression, Pass, ReportedOptions, Seconds, Size, Speed,
+};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
 use crate::verify::{Exact, Machine, MachineKind, Sides, Verification, VerifyOptions};
@@ -46,6 +48,9 @@ pub struct BakeOptions {
     pub prune: bool,
     /// Write instances of one mesh as copies of one node if that keeps within the largest position error allowed.
     pub copy_instances: bool,
+    /// How the output is compressed. One that has the input's layout is compressed only if that makes it smaller than the
+    /// input.
+    pub compression: Compression,
     /// How the output is verified.
     pub verify: VerifyOptions,
     /// Whether a plan is written or followed; one that is followed has its decision in `choose`.
@@ -248,6 +253,7 @@ impl Done<'_> {
             seconds: Seconds::default(),
             peak_memory_bytes: None,
             output_bytes: written.staged.bytes(),
+            output_compression: written.compression,
             copied: written.copied,
             warnings: words_of(&[warnings, written.staged.warnings.clone()].concat()),
         };
@@ -348,7 +354,7 @@ impl Tried {
     ) -> Result<(Chosen, Tried), CommandError> {
         let Given { doc, scene, staged, trees, metrics } = given;
         clock.enter(Stage::Write);
-        let written = write(&doc, &staged.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
+        let written = write(&doc, &staged.overlaid(&chosen.overlay), &chosen.layout, output, options)?;
         drop(staged);
         clock.enter(Stage::Verify);
         let input = (scene, trees, metrics);
@@ -361,7 +367,7 @@ impl Tried {
         drop(tried);
         let chosen = chosen.left_alone(scene);
         clock.enter(Stage::Write);
-        let written = write(&doc, &scene.overlaid(&chosen.overlay), &chosen.layout, output, &options.emit())?;
+        let written = write(&doc, &scene.overlaid(&chosen.overlay), &chosen.layout, output, options)?;
         clock.enter(Stage::Verify);
         let read_back = ReadBack::new(&doc, input, &written, &chosen, output, options)?;
         drop(doc);
@@ -380,9 +386,9 @@ impl Tried {
         let ReadBack { after, exact, trees, metrics, findings } = read_back;
         let scenes = Sides { before: scene, after: &after };
         let trees_of_both = Sides { before: trees_before, after: &trees };
-        let verify = if written.unchanged { options.verify.untimed() } else { options.verify.clone() };
+        let verify = if written.same_layout { options.verify.untimed() } else { options.verify.clone() };
         let verification = machine.verify_with(scenes, trees_of_both, exact.as_ref(), &verify)?;
-        let verdict = verdict(&verification, &options.verify, written.unchanged);
+        let verdict = verdict(&verification, &options.verify, written.same_layout);
         Ok(Tried { written, after, trees, metrics, findings, verification, verdict })
     }
 
@@ -405,6 +411,9 @@ struct Written {
     staged: Staged,
     /// Whether the output is the input.
     unchanged: bool,
+    /// Whether it is the input but for its compression.
+    same_layout: bool,
+    compression: OutputCompression,
     /// Instances that became copies of one node; `None` if that was not requested.
     copied: Option<Copied>,
     /// Number of nodes dropped; `None` if that was not requested.
@@ -431,22 +440,52 @@ fn write(
     scene: &Scene,
     layout: &Layout,
     output: &Path,
-    options: &emit::Options,
+    options: &BakeOptions,
 ) -> Result<Written, raykiln_formats::Error> {
     let start = Instant::now();
+    let (options, compression) = (options.emit(), options.compression);
     let regrouped = !emit::is_input(scene, layout);
     let as_copies = options.instancing != Instancing::Nodes;
-    let emitted = (regrouped || options.prune || as_copies).then(|| emit::emit(doc, scene, layout, options));
+    let emitted = (regrouped || options.prune || as_copies).then(|| emit::emit(doc, scene, layout, &options));
     let (pruned, copied) = emitted.as_ref().map_or((0, Copied::default()), |e| (e.pruned_nodes, e.copied));
     let seconds = start.elapsed().as_secs_f64();
     let (copied_if_asked, pruned_if_asked) = (as_copies.then_some(copied), options.prune.then_some(pruned));
     let changed = emitted.filter(|_| regrouped || pruned > 0 || copied.nodes > 0);
-    let unchanged = changed.is_none();
-    let (staged, notes) = match changed {
-        Some(e) => (e.document.stage(output)?, e.notes),
-        None => (doc.stage_unchanged(output)?, Vec::new()),
+    let same_layout = changed.is_none();
+    let (staged, compression, notes) = match changed {
+        Some(e) => (e.document.stage_with(output, compression)?, reported(compression), e.notes),
+        None => {
+            let (staged, compression) = stage_input(doc, output, compression)?;
+            (staged, compression, Vec::new())
+        }
     };
-    Ok(Written { staged, unchanged, copied: copied_if_asked, pruned: pruned_if_asked, notes, seconds })
+    let unchanged = same_layout && compression != OutputCompression::Meshopt;
+    let (copied, pruned) = (copied_if_asked, pruned_if_asked);
+    Ok(Written { staged, unchanged, same_layout, compression, copied, pruned, notes, seconds })
+}
+
+/// Stages the input: its bytes, or compressed if that is smaller.
+fn stage_input(
+    doc: &Document,
+    output: &Path,
+    compression: Compression,
+) -> Result<(Staged, OutputCompression), raykiln_formats::Error> {
+    if compression != Compression::None {
+        let staged = doc.stage_with(output, compression)?;
+        if doc.file_bytes().is_none_or(|bytes| staged.bytes() < bytes) {
+            return Ok((staged, reported(compression)));
+        }
+    }
+    let staged = doc.stage_unchanged(output)?;
+    let compression = if staged.is_input { OutputCompression::Input } else { OutputCompression::None };
+    Ok((staged, compression))
+}
+
+fn reported(compression: Compression) -> OutputCompression {
+    match compression {
+        Compression::Meshopt => OutputCompression::Meshopt,
+        _ => OutputCompression::None,
+    }
 }
 
 /// What was read back, and how it compares with the input before any ray is traced.

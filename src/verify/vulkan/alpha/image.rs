@@ -4,6 +4,8 @@ use std::io::Cursor;
 
 use png::{ColorType, Decoder, InterlaceInfo, Limits, Transformations};
 
+use crate::scene::webp;
+
 /// Largest width or height of an image, in texels.
 const MAX_SIDE: u32 = 16_384;
 /// Memory that decoding an image may use besides its alpha, in bytes.
@@ -23,7 +25,7 @@ impl Alpha {
         Alpha { size: [1, 1], texels: vec![255] }
     }
 
-    /// Decodes a PNG or JPEG image. JPEG has no alpha, so no JPEG data is decoded.
+    /// Decodes a PNG, WebP or JPEG image. JPEG has no alpha, so no JPEG data is decoded.
     ///
     /// # Errors
     /// Describes why the image cannot be decoded.
@@ -31,9 +33,25 @@ impl Alpha {
         match () {
             () if bytes.starts_with(b"\x89PNG\r\n\x1A\n") => decode_png(bytes),
             () if bytes.starts_with(b"\xFF\xD8\xFF") => Ok(Alpha::opaque()),
-            () => Err("neither PNG nor JPEG".into()),
+            () if webp::is_webp(bytes) => decode_webp(bytes),
+            () => Err(unknown(bytes)),
         }
     }
+}
+
+/// Says what is known of an image that is not decoded.
+fn unknown(bytes: &[u8]) -> String {
+    match () {
+        () if bytes.starts_with(b"\xABKTX 20\xBB\r\n\x1A\n") => "KTX2 images are not decoded".into(),
+        () if bytes.starts_with(b"DDS ") => "DDS images are not decoded".into(),
+        () if bytes.get(4..12) == Some(b"ftypavif") => "AVIF images are not decoded".into(),
+        () => "neither PNG nor JPEG nor WebP".into(),
+    }
+}
+
+fn decode_webp(bytes: &[u8]) -> Result<Alpha, String> {
+    let image = webp::decode(bytes, MAX_SIDE)?;
+    Ok(Alpha { size: image.size, texels: image.rgba.iter().map(|[_, _, _, alpha]| *alpha).collect() })
 }
 
 /// Decodes row by row, so that the colours are never all in memory at once.
@@ -104,6 +122,12 @@ mod tests {
     }
 
     #[test]
+    fn alpha_is_taken_from_webp() {
+        let image = webp::tests::encoded([2, 1], &[1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(Alpha::decode(&image), Ok(Alpha { size: [2, 1], texels: vec![4, 8] }));
+    }
+
+    #[test]
     fn what_has_no_alpha_is_one_opaque_texel() {
         let rgb = encoded(ColorType::Rgb, [2, 1], &[1, 2, 3, 4, 5, 6], |_| ());
         assert_eq!(Alpha::decode(&rgb), Ok(Alpha::opaque()));
@@ -113,8 +137,10 @@ mod tests {
     #[test]
     fn what_cannot_be_decoded_says_why() {
         let reason = |bytes: &[u8]| Alpha::decode(bytes).expect_err("it is broken");
-        assert_eq!(reason(b"\xABKTX 20\xBB\r\n\x1A\n"), "neither PNG nor JPEG");
-        assert_eq!(reason(b""), "neither PNG nor JPEG");
+        assert_eq!(reason(b"\xABKTX 20\xBB\r\n\x1A\n"), "KTX2 images are not decoded");
+        assert_eq!(reason(b"\0\0\0\x20ftypavif"), "AVIF images are not decoded");
+        assert_eq!(reason(b"DDS |"), "DDS images are not decoded");
+        assert_eq!(reason(b""), "neither PNG nor JPEG nor WebP");
         let sound = encoded(ColorType::Rgba, [64, 64], &(0..64 * 64 * 4).map(|i| i as u8).collect::<Vec<_>>(), |_| ());
         assert!(!reason(&sound[..sound.len() / 2]).is_empty());
         let mut huge = encoded(ColorType::Rgba, [1, 1], &[0; 4], |_| ());

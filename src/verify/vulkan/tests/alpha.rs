@@ -170,7 +170,7 @@ fn a_texture_that_cannot_be_had_is_opaque_and_named() {
     ];
     on_device(|device| {
         for (image, reason) in
-            images.into_iter().zip(["images[3] `leaf.ktx2`: neither PNG nor JPEG", "images[5]: lost"])
+            images.into_iter().zip(["images[3] `leaf.ktx2`: KTX2 images are not decoded", "images[5]: lost"])
         {
             let scene = shown(vec![card([0.0, 1.0], [1.0, 0.0], Wrap::Repeat)], image);
             assert_eq!(picture(device, &scene, 2, BlasPer::Mesh), ["##", "##"]);
