@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::layout::builder::Builder;
 use crate::layout::{Layout, Note};
-use crate::methods::instancing::bake_within_limits;
+use crate::methods::instancing::{Known, bake_within_limits};
 use crate::methods::pieces::{CHUNK, Item, Piece, Pieces, bounds_of, centroid_bounds};
 use crate::methods::{BvhOptions, InstanceOptions};
 use crate::scene::{Bounds, Scene};
@@ -28,7 +28,7 @@ const BINS: usize = 16;
 
 /// Splits each object by binned SAH within [`BvhOptions::nodes_per_triangle_ratio`] of the triangles of all objects.
 pub(super) fn bvh(scene: &Scene, instances: &InstanceOptions, options: &BvhOptions) -> Layout {
-    bake_within_limits(scene, instances, |selection| {
+    bake_within_limits(scene, instances, &Known::default(), |selection| {
         let mut layout = Builder::new(scene);
         selection.place_left(&mut layout);
         let mut pieces = Pieces::new(scene, selection);

@@ -80,7 +80,7 @@ pub fn run_with(cache: &mut Cache, method: Method, scene: &Scene, options: &Opti
     let layout = match method {
         Method::Keep => keep::keep(scene),
         Method::Single if single.turned => cluster::whole(scene, instances, parts, cluster, cache),
-        Method::Single => single::single(scene, instances, parts),
+        Method::Single => single::single(scene, instances, parts, &cache.instances),
         Method::PerObject => per_object::per_object(scene),
         Method::Bvh => bvh::bvh(scene, instances, bvh),
         Method::Overlap => overlap::overlap(scene, instances, overlap),

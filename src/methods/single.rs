@@ -5,7 +5,7 @@
 
 use crate::layout::Layout;
 use crate::layout::builder::{Builder, Geometries, objects};
-use crate::methods::instancing::bake_within_limits;
+use crate::methods::instancing::{Known, bake_within_limits};
 use crate::methods::parts::{bake_part, parts};
 use crate::methods::{InstanceOptions, PartOptions};
 use crate::scene::{InstanceId, Scene};
@@ -14,8 +14,8 @@ use crate::scene::{InstanceId, Scene};
 /// material whose primitives differ in their vertex attributes gets one geometry per set of attributes. A lone instance
 /// needs no baking: it stays, with its geometries joined in the same way. Isolated and non-opaque triangles get further
 /// groups if the options say so.
-pub(super) fn single(scene: &Scene, instances: &InstanceOptions, options: &PartOptions) -> Layout {
-    bake_within_limits(scene, instances, |bake| {
+pub(super) fn single(scene: &Scene, instances: &InstanceOptions, options: &PartOptions, known: &Known) -> Layout {
+    bake_within_limits(scene, instances, known, |bake| {
         let mut layout = Builder::new(scene);
         bake.place_left(&mut layout);
         let baked: Vec<_> = bake.baked().collect();

@@ -25,7 +25,7 @@ use rustc_hash::FxHashSet;
 use crate::cost::sah::TRAVERSAL;
 use crate::layout::builder::{Builder, Geometries, Object, group_name, objects};
 use crate::layout::{Layout, PlacedTrees, seams};
-use crate::methods::instancing::bake_within_limits;
+use crate::methods::instancing::{Known, bake_within_limits};
 use crate::methods::parts::{Part, bake_part, parts};
 use crate::methods::{ClusterOptions, InstanceOptions, Options, PartOptions, single};
 use crate::scene::{Bounds, InstanceId, Scene, TriangleRef};
@@ -109,6 +109,8 @@ pub struct Cache {
     last: Option<(Key, Option<Rc<ClusterInput>>)>,
     /// The trees over the most triangles.
     trees: PlacedTrees,
+    /// What was learned of the instances.
+    pub(in crate::methods) instances: Known,
 }
 
 /// Lower bound on the entry cost for which parts with their own frame are searched.
@@ -116,7 +118,7 @@ const LEAST_ENTRY: f64 = 2.0;
 
 impl Default for Cache {
     fn default() -> Self {
-        Cache { least_entry: LEAST_ENTRY, last: None, trees: PlacedTrees::default() }
+        Cache { least_entry: LEAST_ENTRY, last: None, trees: PlacedTrees::default(), instances: Known::default() }
     }
 }
 
@@ -224,8 +226,9 @@ struct Clustering<'a> {
 
 impl Clustering<'_> {
     fn lay_out(&self, cache: &mut Cache) -> Layout {
+        let known = cache.instances.clone();
         let cache = std::cell::RefCell::new(cache);
-        bake_within_limits(self.scene, self.instances, |bake| {
+        bake_within_limits(self.scene, self.instances, &known, |bake| {
             let mut layout = Builder::new(self.scene);
             bake.place_left(&mut layout);
             let baked: Vec<InstanceId> = bake.baked().collect();

@@ -138,6 +138,7 @@ mod tests {
     use super::*;
     use crate::layout::test_scenes::*;
     use crate::methods::PartOptions;
+    use crate::methods::instancing::Known;
     use crate::methods::single::single;
     use crate::scene::Pinned;
     use glam::{DAffine3, Vec3};
@@ -155,7 +156,7 @@ mod tests {
 
     fn run_single(scene: &Scene, max_bytes_ratio: Option<f64>) -> Layout {
         let instances = InstanceOptions { max_bytes_ratio, ..InstanceOptions::default() };
-        single(scene, &instances, &PartOptions::default())
+        single(scene, &instances, &PartOptions::default(), &Known::default())
     }
 
     fn with_ratio(scene: &Scene, ratio: f64) -> Layout {

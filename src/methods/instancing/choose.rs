@@ -9,26 +9,14 @@
 
 use std::iter::repeat_n;
 
-use super::cut::Cuts;
-use super::pieces::{self, Piece};
+use super::known::{Facts, Known, Opened};
 use super::plan::{Mesh, Plan, gain_a_byte, hull};
-use super::tally::Counted;
+use super::tally::{Base, Tally};
 use super::{Fate, MOST_COPIED_TRIANGLES, MOST_TRIANGLES, Selection, input_bytes, placed_bytes};
-use crate::cost::overlap;
-use crate::cost::segments::{self, Boxed, Segment};
+use crate::layout::Layout;
 use crate::layout::builder::Part;
-use crate::layout::{Layout, seams};
 use crate::methods::InstanceOptions;
-use crate::parallel;
 use crate::scene::{InstanceId, MeshId, Scene};
-use crate::tree::Quality;
-
-/// Meshes with fewer triangles are not opened.
-const FEWEST_TRIANGLES: usize = 64;
-
-/// Maximum number of boxes of pieces considered, in total and per mesh.
-const MOST_BOXES: usize = 1 << 21;
-const MOST_BOXES_A_MESH: usize = 1 << 18;
 
 /// A change must save more than this share of the mesh's cost, unless the number of pieces is given: then any saving
 /// suffices.
@@ -37,14 +25,6 @@ const WORTH_A_CHANGE: f64 = 0.05;
 /// Number of segments that must enter instances of a mesh for a meaningful prediction.
 const FEWEST_MET: usize = 32;
 
-/// Number of segments sampled: minimum, per shared mesh, and maximum.
-const SEGMENTS: usize = 4096;
-const SEGMENTS_A_MESH: usize = 64;
-const MOST_SEGMENTS: usize = 1 << 16;
-
-/// Boxes count as separate if their overlap is below this share of their area.
-const APART: f64 = 1e-3;
-
 /// Maximum number of instances in a layout due to opening: a quarter of the minimum that devices support (2^24 - 1).
 const MOST_PLACEMENTS: u64 = 1 << 22;
 
@@ -52,8 +32,13 @@ const MOST_PLACEMENTS: u64 = 1 << 22;
 const MOST_ROUNDS: usize = 4;
 
 /// Runs a method on the instances chosen for baking.
-pub(super) fn run(scene: &Scene, options: &InstanceOptions, method: impl Fn(&Selection) -> Layout) -> Layout {
-    let candidates = Candidates::of(scene, options);
+pub(super) fn run(
+    scene: &Scene,
+    options: &InstanceOptions,
+    known: &Known,
+    method: impl Fn(&Selection) -> Layout,
+) -> Layout {
+    let candidates = Candidates::of(scene, options, known);
     let most_bytes = options.max_bytes_ratio.map_or(f64::INFINITY, |ratio| ratio * input_bytes(scene) as f64);
     let mut allowed = most_bytes - placed_bytes(scene) as f64;
     for round in 0.. {
@@ -102,7 +87,7 @@ pub(super) struct Candidates {
 }
 
 impl Candidates {
-    pub(super) fn of(scene: &Scene, options: &InstanceOptions) -> Candidates {
+    pub(super) fn of(scene: &Scene, options: &InstanceOptions, known: &Known) -> Candidates {
         let mut instances: Vec<Vec<InstanceId>> = vec![Vec::new(); scene.meshes.len()];
         (0u32..).zip(&scene.instances).for_each(|(i, at)| instances[at.mesh.0 as usize].push(InstanceId(i)));
         let uses: Vec<usize> = instances.iter().map(Vec::len).collect();
@@ -118,43 +103,28 @@ impl Candidates {
         let worth_a_change = if options.pieces.is_some() { 0.0 } else { WORTH_A_CHANGE };
         let mut candidates = Candidates { meshes, base_triangles: base, worth_a_change, are_apart: false };
         if !candidates.meshes.is_empty() {
-            candidates.look(scene, options, &uses);
+            candidates.look(scene, options, &uses, known);
         }
         candidates
     }
 
     /// Finds the plans of all meshes.
-    fn look(&mut self, scene: &Scene, options: &InstanceOptions, uses: &[usize]) {
-        let boxes = scene.instance_boxes();
-        let areas: f64 = self.meshes.iter().flat_map(|m| &m.instances).map(|i| boxes[i.0 as usize].area()).sum();
-        let overlaps = overlap::shared_area(boxes) > APART * areas;
-        if !overlaps {
-            self.are_apart = true;
+    fn look(&mut self, scene: &Scene, options: &InstanceOptions, uses: &[usize], known: &Known) {
+        let mut known = known.of(scene, &self.meshes, options);
+        self.are_apart = known.are_apart;
+        if self.are_apart {
             return;
         }
-        let quality = |m: usize| if uses[m] > 1 { Quality::Medium } else { Quality::Fast };
-        let mut trees: Vec<Boxed> = parallel::map(uses.len(), &|m| Boxed::of_mesh(&scene.meshes[m], quality(m)));
-        let count = (SEGMENTS_A_MESH * self.meshes.len()).clamp(SEGMENTS, MOST_SEGMENTS);
-        let segments = segments::sample(scene, &trees, count);
-        let most_boxes = (MOST_BOXES / self.meshes.len()).clamp(1, MOST_BOXES_A_MESH);
+        let worth = worth_opening(&known.meshes, options);
+        known.open(scene, &self.meshes, &worth, options.pieces);
         let has_base = self.base_triangles > 0;
-        let touching = if options.frames { seams::touching(scene) } else { vec![false; scene.instances.len()] };
-        for candidate in &mut self.meshes {
-            let tree = std::mem::take(&mut trees[candidate.id.0 as usize]);
+        for ((candidate, facts), worth) in self.meshes.iter_mut().zip(&known.meshes).zip(worth) {
+            let Some(facts) = facts.as_ref().filter(|facts| facts.base.met >= FEWEST_MET) else { continue };
+            let opened = facts.opened_into(scene, candidate, options.pieces).filter(|_| worth).unwrap_or_default();
             let pinned = (uses[candidate.id.0 as usize] - candidate.instances.len()) as u64;
-            // The transforms of a node's copies apply between its mesh and the node, so that no frame can be added; what
-            // shares corners with a neighbour would part from it.
-            let is_bound =
-                |i: &InstanceId| touching[i.0 as usize] || scene.is_copied(scene.instances[i.0 as usize].node);
-            let frames = options.frames && !candidate.instances.iter().any(is_bound);
-            let options = InstanceOptions { frames, ..options.clone() };
-            let Some(found) = look_at(scene, candidate, tree, pinned, &segments, most_boxes, &options) else {
-                continue;
-            };
-            if found.mesh.tally.met >= FEWEST_MET {
-                candidate.plans = found.mesh.plans(options.entry_cost, has_base, options.pieces.is_some());
-                candidate.looked_at = Some(found);
-            }
+            let found = LookedAt::new(facts, &opened, pinned, options.entry_cost);
+            candidate.plans = found.mesh.plans(options.entry_cost, has_base, options.pieces.is_some());
+            candidate.looked_at = Some(found);
         }
     }
 
@@ -210,40 +180,21 @@ impl Candidates {
     }
 }
 
-/// Cuts a mesh and counts the cost of its instances; `None` if rays cannot be counted.
-fn look_at(
-    scene: &Scene,
-    candidate: &Candidate,
-    tree: Boxed,
-    pinned: u64,
-    segments: &[Segment],
-    most_boxes: usize,
-    options: &InstanceOptions,
-) -> Option<LookedAt> {
-    let mesh = &scene.meshes[candidate.id.0 as usize];
-    if tree.tree.order.len() < mesh.triangle_count() || segments.is_empty() {
-        return None;
+/// Whether opening each mesh could pay: rays enter it often enough to tell.
+fn worth_opening(meshes: &[Option<Facts>], _options: &InstanceOptions) -> Vec<bool> {
+    meshes.iter().map(|facts| facts.as_ref().is_some_and(|facts| facts.base.met >= FEWEST_MET)).collect()
+}
+
+impl LookedAt {
+    fn new(facts: &Facts, opened: &[&Opened], pinned: u64, entry_cost: f64) -> LookedAt {
+        let sizes = |opened: &&Opened| opened.parts.iter().map(|part| part.triangles.len() as u64).collect();
+        let pieces: Vec<Vec<u64>> = [vec![facts.triangles]].into_iter().chain(opened.iter().map(sizes)).collect();
+        let Base { whole, baked, met } = &facts.base;
+        let levels = [whole].into_iter().chain(opened.iter().map(|opened| &opened.counts)).cloned().collect();
+        let tally = Tally { levels, baked: baked.clone(), met: *met };
+        let mesh = Mesh::new(facts.triangles, pieces, facts.nodes.clone(), pinned, tally, entry_cost);
+        LookedAt { mesh, opened: opened.iter().map(|opened| opened.parts.clone()).collect() }
     }
-    let finest = (most_boxes / candidate.instances.len()).max(1);
-    let every = candidate.instances.len().div_ceil(16);
-    let placed = |i: &InstanceId| scene.instances[i.0 as usize].transform.matrix3;
-    let placed: Vec<_> = candidate.instances.iter().step_by(every).map(placed).collect();
-    let cuts = Cuts::of(&tree, finest, &placed);
-    let opened = if mesh.triangle_count() < FEWEST_TRIANGLES {
-        Vec::new()
-    } else {
-        pieces::levels(mesh, &tree, finest, options.frames, options.pieces)
-    };
-    let tally = Counted::new(scene, &candidate.instances, &tree, segments).tally(&cuts, &opened, most_boxes);
-    let triangles = mesh.triangle_count() as u64;
-    let sizes = |pieces: &Vec<Piece>| pieces.iter().map(|p| p.part.triangles.len() as u64).collect();
-    let pieces: Vec<Vec<u64>> = [vec![triangles]].into_iter().chain(opened.iter().map(sizes)).collect();
-    let indexed: Vec<(u32, usize)> =
-        candidate.instances.iter().enumerate().map(|(i, id)| (scene.instances[id.0 as usize].node, i)).collect();
-    let nodes = indexed.chunk_by(|a, b| a.0 == b.0).map(|node| node.iter().map(|&(_, i)| i).collect()).collect();
-    let mesh = Mesh::new(triangles, pieces, nodes, pinned, tally, options.entry_cost);
-    let parts = |pieces: Vec<Piece>| pieces.into_iter().map(|p| p.part).collect();
-    Some(LookedAt { mesh, opened: opened.into_iter().map(parts).collect() })
 }
 
 /// The remaining budget.

@@ -9,12 +9,15 @@ mod bake_or_keep;
 mod choose;
 mod cut;
 mod improve;
+mod known;
 mod notes;
 mod pieces;
 mod plan;
 mod tally;
 #[cfg(test)]
 mod tests;
+
+pub(super) use known::Known;
 
 use crate::cost::bytes;
 use crate::layout::Layout;
@@ -95,15 +98,17 @@ impl Selection {
     }
 }
 
-/// Runs a method on as many instances as the limits and [`InstanceOptions::shared`] allow.
+/// Runs a method on as many instances as the limits and [`InstanceOptions::shared`] allow. `known` is what earlier runs
+/// over the scene learned.
 pub(super) fn bake_within_limits(
     scene: &Scene,
     options: &InstanceOptions,
+    known: &Known,
     method: impl Fn(&Selection) -> Layout,
 ) -> Layout {
     match options.shared {
         Instances::BakeOrKeep => bake_or_keep::run(scene, options, method),
-        Instances::Choose => choose::run(scene, options, method),
+        Instances::Choose => choose::run(scene, options, known, method),
     }
 }
 

@@ -22,7 +22,7 @@ use crate::scene::{Bounds, Mesh};
 use crate::tree::Quality;
 
 /// Numbers of pieces that a mesh may be opened into. One piece is the mesh itself, rotated.
-pub(super) const PIECES: [usize; 11] = [1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64];
+pub(super) const PIECES: [u32; 12] = [1, 2, 4, 6, 8, 12, 16, 20, 24, 32, 48, 64];
 
 /// Maximum number of small parts that pieces are made of.
 const PARTS: usize = 192;
@@ -39,7 +39,7 @@ const DIRECTIONS: usize = 25;
 
 /// Up to this many pieces, the result of joining without improvement is also tried: a smaller sum of areas does not
 /// always mean that rays meet fewer of so few pieces.
-const MOST_JOINED: usize = 8;
+const MOST_JOINED: u32 = 8;
 
 /// A rotated box is used if its area is below this share of that of the box along the axes of the mesh.
 const WORTH_A_TURN: f64 = 0.97;
@@ -54,35 +54,64 @@ pub(super) struct Piece {
     pub(super) tree: Boxed,
 }
 
-/// Returns the pieces of a mesh for several numbers of pieces, in ascending order; only for the number `only` if given.
-/// Frames are the identity unless the mesh `turns`.
-pub(super) fn levels(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: Option<u32>) -> Vec<Vec<Piece>> {
+/// The clusters of a mesh for each number of pieces in [`PIECES`]; they are costly to find, and the same whatever an
+/// entry costs.
+pub(super) struct Shapes {
+    components: Components,
+    /// Whether boxes are rotated: only whole components may turn, as pieces of one component would part at their seams.
+    turns: bool,
+    /// The numbers wanted and their clusters.
+    of: Vec<(u32, Vec<Cluster>)>,
+}
+
+/// Returns the numbers of pieces to try for a mesh, no more than `most`; only the number `only` if given.
+pub(super) fn numbers(mesh: &Mesh, most: usize, only: Option<u32>) -> Vec<u32> {
     let tried = (MOST_TRIANGLES / mesh.triangle_count().max(1)).max(1);
     let every = PIECES.len().div_ceil(tried);
-    let wanted: Vec<usize> = match only {
-        Some(only) => vec![only as usize],
-        None => PIECES.into_iter().rev().step_by(every).collect(),
-    };
-    let wanted: Vec<usize> = wanted.into_iter().filter(|&k| k <= most && (k > 1 || turns)).collect();
-    // Only whole components may turn: pieces of one component would part at their seams.
-    let components = Components::of_mesh(mesh);
-    let shaping = |improves: bool| Shaping { turns: turns && components.len() > 1, improves };
-    let few: Vec<usize> = wanted.iter().copied().filter(|k| (2..=MOST_JOINED).contains(k)).collect();
-    let joined =
-        [(&few, false), (&wanted, true)].map(|(wanted, improves)| joined(mesh, tree, wanted, shaping(improves)));
-    let piece = |cluster: Cluster| {
-        let turns = turns && components.are_closed(&cluster.triangles);
-        cluster.piece(mesh, turns)
-    };
-    let whole = |clusters: Vec<Cluster>| match turns && components.len() > 1 {
-        true => with_whole_components(mesh, clusters, &components, shaping(false)),
-        false => clusters,
-    };
-    let pieces = |clusters: Vec<Cluster>| whole(clusters).into_iter().map(piece).collect();
-    let mut levels: Vec<Vec<Piece>> = joined.into_iter().flatten().map(pieces).collect();
-    levels.retain(|pieces| !matches!(pieces.as_slice(), [one] if one.part.frame == DAffine3::IDENTITY));
-    levels.sort_by_key(Vec::len);
-    levels
+    let wanted = only.map_or_else(|| PIECES.into_iter().rev().step_by(every).collect(), |only| vec![only]);
+    wanted.into_iter().filter(|&k| k as usize <= most).collect()
+}
+
+impl Shapes {
+    /// Finds the clusters. Frames are the identity unless the mesh `turns`. No more than `most` pieces; only the number
+    /// `only` if given, which is then none of [`PIECES`].
+    pub(super) fn of(mesh: &Mesh, tree: &Boxed, most: usize, turns: bool, only: Option<u32>) -> Shapes {
+        let components = Components::of_mesh(mesh);
+        let wanted = only.map_or_else(|| PIECES.into_iter().rev().collect(), |only| vec![only]);
+        let wanted: Vec<u32> = wanted.into_iter().filter(|&k| k as usize <= most && (k > 1 || turns)).collect();
+        let few: Vec<u32> = wanted.iter().copied().filter(|k| (2..=MOST_JOINED).contains(k)).collect();
+        let shaping = |improves: bool| Shaping { turns: turns && components.len() > 1, improves };
+        let joined = [(&few, false), (&wanted, true)].map(|(numbers, improves)| {
+            let numbers: Vec<usize> = numbers.iter().map(|&k| k as usize).collect();
+            joined(mesh, tree, &numbers, shaping(improves))
+        });
+        let of = joined.into_iter().flatten().map(|clusters| (clusters.len() as u32, clusters)).collect();
+        Shapes { components, turns, of }
+    }
+
+    /// Returns the indices of the clusters for these numbers of pieces.
+    pub(super) fn indices(&self, numbers: &[u32]) -> Vec<usize> {
+        (0..self.of.len()).filter(|&i| numbers.contains(&self.of[i].0)).collect()
+    }
+
+    /// Returns the pieces that some clusters make; none if they are the mesh as it is.
+    pub(super) fn pieces(&self, mesh: &Mesh, index: usize) -> Vec<Piece> {
+        let clusters = self.of[index].1.clone();
+        let turns = self.turns && self.components.len() > 1;
+        let whole = match turns {
+            true => with_whole_components(mesh, clusters, &self.components, Shaping { turns, improves: false }),
+            false => clusters,
+        };
+        let piece = |cluster: Cluster| {
+            let turns = self.turns && self.components.are_closed(&cluster.triangles);
+            cluster.piece(mesh, turns)
+        };
+        let pieces: Vec<Piece> = whole.into_iter().map(piece).collect();
+        match pieces.as_slice() {
+            [one] if one.part.frame == DAffine3::IDENTITY => Vec::new(),
+            _ => pieces,
+        }
+    }
 }
 
 /// Moves each component to the cluster that holds most of it, the first of equal ones, unless it is larger than clusters
@@ -397,7 +426,12 @@ mod tests {
 
     fn of(scene: &Scene, turns: bool) -> Vec<Vec<Piece>> {
         let mesh = &scene.meshes[0];
-        levels(mesh, &Boxed::of_mesh(mesh, Quality::Medium), 64, turns, None)
+        let shapes = Shapes::of(mesh, &Boxed::of_mesh(mesh, Quality::Medium), 64, turns, None);
+        let indices = shapes.indices(&numbers(mesh, 64, None));
+        let mut levels: Vec<Vec<Piece>> = indices.into_iter().map(|index| shapes.pieces(mesh, index)).collect();
+        levels.retain(|pieces| !pieces.is_empty());
+        levels.sort_by_key(Vec::len);
+        levels
     }
 
     fn turned() -> DMat3 {

@@ -22,10 +22,21 @@ pub(super) struct Count {
 }
 
 /// The counts of a mesh.
+#[derive(Clone)]
 pub(super) struct Tally {
     /// For each way to open the instances (the first keeps them whole) and each instance; empty for ways that were not
     /// tried because there would be too many boxes.
     pub(super) levels: Vec<Vec<Count>>,
+    /// For each instance if all are baked, with no entries.
+    pub(super) baked: Vec<Count>,
+    /// Segments that enter at least one of the instances.
+    pub(super) met: usize,
+}
+
+/// The counts of a mesh that is not opened.
+pub(super) struct Base {
+    /// For each instance, kept whole.
+    pub(super) whole: Vec<Count>,
     /// For each instance if all are baked, with no entries.
     pub(super) baked: Vec<Count>,
     /// Segments that enter at least one of the instances.
@@ -65,26 +76,27 @@ impl<'a> Counted<'a> {
         Counted { mesh: scene.mesh_of(instances[0]), tree, placed, into, segments }
     }
 
-    /// Counts the instances whole, opened into pieces if these have at most `most_boxes` boxes, and baked.
+    /// Counts the instances whole, and baked.
     ///
     /// The tree that a driver builds over baked instances is not built. Instead, a tree over the parts of a cut, as
-    /// fine as `most_boxes` allows, with the mesh's own tree below each part, is a tree over the same triangles and
+    /// fine as the number of boxes allows, with the mesh's own tree below each part, is a tree over the same triangles and
     /// costs at least as much.
-    pub(super) fn tally(&self, cuts: &Cuts, opened: &[Vec<Piece>], most_boxes: usize) -> Tally {
+    pub(super) fn base(&self, cuts: &Cuts) -> Base {
         let part = |root: u32| self.part(root);
         let (whole, met) = self.count(&[part(0)], None);
-        let pieces = |pieces: &Vec<Piece>| -> Vec<Count> {
-            if pieces.len().saturating_mul(self.placed.len()) > most_boxes {
-                return Vec::new();
-            }
-            let parts: Vec<Part> = pieces.iter().map(Part::of).collect();
-            self.count(&parts, None).0
-        };
-        let levels = [whole].into_iter().chain(opened.iter().map(pieces)).collect();
         let parts: Vec<Part> = cuts.finest.iter().map(|&root| part(root)).collect();
         let (baked, _) = self.count(&parts, self.exact_boxes(&cuts.finest));
         let baked = baked.into_iter().map(|c| Count { entries: 0.0, ..c }).collect();
-        Tally { levels, baked, met }
+        Base { whole, baked, met }
+    }
+
+    /// Counts the instances opened into pieces, by instance; nothing if these have more than `most_boxes` boxes.
+    pub(super) fn opened(&self, pieces: &[Piece], most_boxes: usize) -> Vec<Count> {
+        if pieces.is_empty() || pieces.len().saturating_mul(self.placed.len()) > most_boxes {
+            return Vec::new();
+        }
+        let parts: Vec<Part> = pieces.iter().map(Part::of).collect();
+        self.count(&parts, None).0
     }
 
     /// Returns the part below a node of the mesh's tree.

@@ -5,6 +5,7 @@ use std::f32::consts::TAU;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 
+use super::Known;
 use super::choose::Candidates;
 use super::input_bytes;
 use crate::layout::builder::Builder;
@@ -20,7 +21,7 @@ fn choose(max_bytes_ratio: Option<f64>) -> InstanceOptions {
 
 /// Runs `single` with these instance options.
 fn single_with(scene: &Scene, instances: &InstanceOptions) -> Layout {
-    single(scene, instances, &PartOptions::default())
+    single(scene, instances, &PartOptions::default(), &Known::default())
 }
 
 fn chosen(scene: &Scene, max_bytes_ratio: Option<f64>) -> Layout {
@@ -211,7 +212,7 @@ fn the_choice_is_the_same_for_any_number_of_threads() {
 #[test]
 fn baked_and_opened_instances_of_one_mesh_are_together_all_there() {
     let scene = knots(100, 0.7).scene();
-    let candidates = Candidates::of(&scene, &InstanceOptions::default());
+    let candidates = Candidates::of(&scene, &InstanceOptions::default(), &Known::default());
     let mixed = candidates.meshes[0]
         .plans
         .iter()
@@ -304,7 +305,7 @@ fn a_given_number_of_pieces_is_for_all_instances_or_none() {
 #[test]
 fn some_instances_are_opened_where_bytes_do_not_last_for_all() {
     let scene = knots(200, 0.6).scene();
-    let candidates = Candidates::of(&scene, &choose(None));
+    let candidates = Candidates::of(&scene, &choose(None), &Known::default());
     let plans = &candidates.meshes[0].plans;
     let of_fifty = plans.iter().filter(|p| p.baked == 0 && p.opened == 50);
     let some = of_fifty.max_by_key(|p| p.level).expect("there is such a plan");

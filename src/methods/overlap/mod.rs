@@ -46,7 +46,7 @@ use self::series::Series;
 use crate::cost::overlap;
 use crate::layout::builder::Builder;
 use crate::layout::{Layout, Note, Round, Rounds};
-use crate::methods::instancing::bake_within_limits;
+use crate::methods::instancing::{Known, bake_within_limits};
 use crate::methods::pieces::{Item, Piece, Pieces, bounds_of, centroid_bounds, longest_axis};
 use crate::methods::{InstanceOptions, OverlapOptions, OverlapRule};
 use crate::scene::{Bounds, Scene};
@@ -63,7 +63,7 @@ const FEW_OBJECTS: usize = 1 << 11;
 
 /// Splits and merges objects to lower the overlap ratio.
 pub(super) fn overlap(scene: &Scene, instances: &InstanceOptions, options: &OverlapOptions) -> Layout {
-    bake_within_limits(scene, instances, |selection| {
+    bake_within_limits(scene, instances, &Known::default(), |selection| {
         let mut layout = Builder::new(scene);
         selection.place_left(&mut layout);
         let mut reduction = Reduction::new(Pieces::new(scene, selection), options);
