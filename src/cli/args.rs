@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use raykiln_formats::{DoubleSided, ObjNormals, ObjOptions};
 use raykiln_formats::document::Compression;
 use raykiln_formats::{DoubleSided, ObjNormals, ObjOptions};
 
@@ -166,6 +165,9 @@ pub(super) struct BakeArguments {
     /// Also write to FILE which files the output was made from, as a rule for Make and Ninja
     #[arg(long, value_name = "FILE")]
     pub(super) depfile: Option<PathBuf>,
+    /// Treat warnings about the input as errors: print them, write nothing and exit with status 2
+    #[arg(long)]
+    pub(super) deny_warnings: bool,
     #[command(flatten)]
     pub(super) cache: CacheArguments,
     /// End, and leave nothing, when standard input is closed: whoever started the process has ended
@@ -223,9 +225,6 @@ pub(super) struct OptionArguments {
     /// [default: rigid for auto, off otherwise]
     #[arg(long, value_enum, value_name = "LIKENESS")]
     copies: Option<CopiesArgument>,
-    /// Treat warnings about the input as errors: print them, write nothing and exit with status 2
-    #[arg(long)]
-    pub(super) deny_warnings: bool,
     #[command(flatten)]
     pub(super) obj: ObjArguments,
     #[command(flatten)]

@@ -103,7 +103,7 @@ impl<'a> Files<'a> {
         quiet: bool,
     ) -> Result<ExitCode> {
         let text = |name: &str| done.reports.get(name).map_or("", String::as_str);
-        if arguments.options.deny_warnings {
+        if arguments.deny_warnings {
             deny_warnings(&arguments.input, text(JSON))?;
         }
         let reports = self.reports.stage(|format| Cow::from(text(format.extension())))?;

@@ -353,7 +353,8 @@ impl Resolver {
         self.has_gpu |= device != cached::CPU;
         let device = if cached::is_decided_by_device(&bake) { device.clone() } else { String::new() };
         let of_bake = matches.subcommand_matches("bake").context("it is a bake")?;
-        let settings = Arc::new(Settings { words, options: plan::options(of_bake), device });
+        let obj = bake.load.obj;
+        let settings = Arc::new(Settings { words, options: plan::options(of_bake), obj, device });
         self.settings.insert(options.clone(), settings.clone());
         Ok(settings)
     }
@@ -375,7 +376,7 @@ fn of_shard(jobs: Vec<Job>, shard: Option<Shard>) -> Vec<Job> {
 /// The predicted durations of jobs, in seconds.
 fn predicted(jobs: &[Job]) -> Vec<f64> {
     use rayon::prelude::*;
-    let outline = |job: &Job| raykiln_formats::outline(&job.asset.file).unwrap_or_default();
+    let outline = |job: &Job| raykiln_formats::outline_with(&job.asset.file, &job.settings.obj).unwrap_or_default();
     jobs.par_iter().map(|job| Prediction::of(&outline(job)).seconds).collect()
 }
 

@@ -14,7 +14,7 @@ use crate::methods::Method;
 use crate::report::plan::PlanFile;
 
 /// Arguments that do not decide what is written, and so are not part of a plan.
-const NOT_PLANNED: [&str; 17] = [
+const NOT_PLANNED: [&str; 18] = [
     "input",
     "output",
     "report",

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use raykiln_formats::ObjOptions;
+
 use super::find::Asset;
 use super::manifest::Budget;
 use crate::commands::cached::Decides;
@@ -15,6 +17,8 @@ pub struct Settings {
     pub words: Vec<String>,
     /// Every option that decides what is written, with its values.
     pub options: BTreeMap<String, Vec<String>>,
+    /// How OBJ files are read.
+    pub obj: ObjOptions,
     /// The device that decides, see [`crate::commands::cached::deciding_device`].
     pub device: String,
 }
@@ -67,8 +71,16 @@ pub enum OutputError {
 impl Job {
     /// Returns what decides the result; `reports` are those that are wanted besides JSON.
     pub(super) fn decides<'a>(&'a self, reports: &'a [&'a str]) -> Decides<'a> {
-        let Settings { options, device, .. } = &*self.settings;
-        Decides { input: &self.asset.file, output: &self.output, options, device, plan: None, reports }
+        let Settings { options, obj, device, .. } = &*self.settings;
+        Decides {
+            input: &self.asset.file,
+            output: &self.output,
+            options,
+            obj: obj.clone(),
+            device,
+            plan: None,
+            reports,
+        }
     }
 
     /// The path of a report with this extension, below the folder of outputs. JSON reports get another ending than the
