@@ -11,12 +11,15 @@ use super::face::{self, Largest};
 use super::pieces::Sources;
 use super::{Fault, Interner, Kind, Part, Scan, Statements};
 
+/// Kind, object, group and material of a part.
+type Key = (Kind, Option<usize>, Option<usize>, Option<usize>);
+
 /// Merges blocks.
 pub(super) struct Merge<'n> {
     scan: Scan,
     statements: Statements,
     notes: &'n mut Notes,
-    keys: Interner<(Kind, Option<usize>, Option<usize>, Option<usize>)>,
+    keys: Interner<Key>,
     object: Option<usize>,
     group: Option<usize>,
     material: Option<usize>,
