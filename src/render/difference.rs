@@ -18,6 +18,7 @@ use super::{Camera, Picture, RenderError, RenderOptions, Renderer, Statistics, V
 use crate::verify::DeviceError;
 use crate::verify::batch::BatchTracer;
 use crate::verify::rays::Ray;
+use crate::verify::view::Stage;
 
 /// By what a pixel differs; the first of these that applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -145,8 +146,8 @@ impl Renderer<'_> {
         options: &RenderOptions,
     ) -> Result<Picture, RenderError> {
         let frame = Frame::new(View::Shaded, camera, options)?;
-        let before = Seeing { renderer: self, tracing: tracings[0] };
-        let after = Seeing { renderer: after, tracing: tracings[1] };
+        let before = Seeing { renderer: self, stage: self.stage, tracing: tracings[0] };
+        let after = Seeing { renderer: after, stage: self.stage, tracing: tracings[1] };
         let pictures = [before.shaded(&frame)?, after.shaded(&frame)?];
         Ok(compared(&before, &after, &frame, &pictures)?)
     }
@@ -155,17 +156,19 @@ impl Renderer<'_> {
 /// A scene and what traces the rays through it.
 struct Seeing<'s, 'a> {
     renderer: &'s Renderer<'a>,
+    /// The light, that of the first scene.
+    stage: Stage,
     tracing: &'s Tracing<'s>,
 }
 
 impl Seeing<'_, '_> {
     fn shaded(&self, frame: &Frame) -> Result<Picture, DeviceError> {
-        shade::picture(self.renderer, frame, self.tracing)
+        shade::picture(self.renderer, self.stage, frame, self.tracing)
     }
 
     /// Returns what the rays through the middles of some pixels hit.
     fn facts(&self, frame: &Frame, pixels: Range<usize>) -> Result<Vec<Option<Facts>>, DeviceError> {
-        let shader = Shader::of(self.renderer);
+        let shader = Shader::of(self.renderer, self.stage);
         let of_sample = |probe: &mut Probe, sample: &Sample| facts(&shader, probe, &sample.ray);
         frame.middles().each_within(pixels, self.tracing, of_sample, |samples| samples.next().flatten())
     }
@@ -173,7 +176,7 @@ impl Seeing<'_, '_> {
 
 /// Shows where two shaded pictures differ.
 fn compared(before: &Seeing, after: &Seeing, frame: &Frame, pictures: &[Picture; 2]) -> Result<Picture, DeviceError> {
-    let radius = before.renderer.stage.radius;
+    let radius = before.stage.radius;
     let mut found: Vec<(Option<Cause>, u8)> = Vec::with_capacity(frame.pixels());
     for first in (0..frame.pixels()).step_by(AT_ONCE) {
         let some = first..(first + AT_ONCE).min(frame.pixels());

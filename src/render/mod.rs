@@ -171,6 +171,13 @@ impl<'a> Renderer<'a> {
         Ok(Renderer { doc, scene, accel, stage, looks: OnceLock::new() })
     }
 
+    /// Shades pictures in the light of another scene. Light and sky depend on the core of a scene, which may be another
+    /// one if the same surfaces are grouped in another way.
+    #[must_use]
+    pub fn lit_as(self, other: &Renderer) -> Self {
+        Renderer { stage: other.stage, ..self }
+    }
+
     /// Returns the trees that rays are traced through.
     pub(crate) fn accel(&self) -> &TwoLevel {
         &self.accel
@@ -208,7 +215,7 @@ impl<'a> Renderer<'a> {
     ) -> Result<Picture, RenderError> {
         let frame = Frame::new(view, camera, options)?;
         Ok(match view {
-            View::Shaded => shade::picture(self, &frame, tracing)?,
+            View::Shaded => shade::picture(self, self.stage, &frame, tracing)?,
             View::Groups => flat::picture(self, &frame, tracing, &palette::of_groups(self.scene))?,
             View::Instances => flat::picture(self, &frame, tracing, &palette::of_instances(self.scene))?,
             View::Heatmap => {

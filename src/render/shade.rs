@@ -47,9 +47,14 @@ pub(super) struct Shader<'r, 'a> {
 }
 
 /// Draws the shaded picture.
-pub(super) fn picture(renderer: &Renderer, frame: &Frame, tracing: &Tracing) -> Result<Picture, DeviceError> {
+pub(super) fn picture(
+    renderer: &Renderer,
+    stage: Stage,
+    frame: &Frame,
+    tracing: &Tracing,
+) -> Result<Picture, DeviceError> {
     let power = frame.light_power.map_or(1.0, |power| power as f32);
-    let shader = Shader { light: frame.light, power, ..Shader::of(renderer) };
+    let shader = Shader { light: frame.light, power, ..Shader::of(renderer, stage) };
     let of_pixel = |samples: &mut dyn Iterator<Item = (Vec3, bool)>| {
         let add = |(sum, hits): (Vec3, u32), (light, is_hit): (Vec3, bool)| {
             (sum + light.min(Vec3::splat(MOST_LIGHT)), hits + u32::from(is_hit))
@@ -78,9 +83,8 @@ fn exposure(pixels: impl ExactSizeIterator<Item = Vec3>) -> f32 {
 }
 
 impl<'r, 'a> Shader<'r, 'a> {
-    pub(super) fn of(renderer: &'r Renderer<'a>) -> Shader<'r, 'a> {
-        let Renderer { scene, stage, .. } = *renderer;
-        Shader { scene, looks: renderer.looks(), stage, light: None, power: 1.0 }
+    pub(super) fn of(renderer: &'r Renderer<'a>, stage: Stage) -> Shader<'r, 'a> {
+        Shader { scene: renderer.scene, looks: renderer.looks(), stage, light: None, power: 1.0 }
     }
 
     /// Returns the light that comes against a ray, and whether the ray hits anything.

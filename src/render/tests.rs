@@ -121,6 +121,33 @@ fn a_flipped_normal_and_a_missing_surface_show_and_equal_scenes_do_not() {
 }
 
 #[test]
+fn a_scene_that_is_grouped_in_another_way_is_lit_as_before() {
+    let cube = |first: usize| {
+        let corners =
+            (0..8).map(|i| format!("v {} {} {}\n", 90 * (i & 1) - 45, 90 * (i >> 1 & 1) - 45, 90 * (i >> 2) - 45));
+        let face = |[a, b, c, d]: [usize; 4]| {
+            format!("f {}//1 {}//1 {}//1 {}//1\n", first + a, first + b, first + c, first + d)
+        };
+        let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]].map(face);
+        format!("o sky\n{}{}", corners.collect::<String>(), faces.concat())
+    };
+    // So many that the sky has few of the triangles.
+    let squares: String = (0..700).map(|i| square(-1e-3 * i as f64, 4 * i + 1, 1.0)).collect();
+    let apart = squares + &cube(4 * 700 + 1);
+    let together =
+        format!("o all\n{}", apart.lines().filter(|line| !line.starts_with("o ")).collect::<Vec<_>>().join("\n"));
+    let (before, after) = (read(&apart), read(&together));
+    assert_ne!(before.1.core().bounds(), after.1.core().bounds(), "the sky is no longer apart");
+    let [first, second] = [&before, &after].map(|(doc, scene)| Renderer::new(doc, scene).expect("something to see"));
+    let camera = from_above(&first);
+    let picture = first.difference(&second, &camera, &options()).expect("sound options");
+    assert_eq!(picture.statistics.differences, Some(Differences::default()));
+    let shaded =
+        |renderer: &Renderer| renderer.picture(View::Shaded, &camera, &options()).expect("sound options").pixels;
+    assert_eq!(shaded(&second.lit_as(&first)), shaded(&first));
+}
+
+#[test]
 fn light_falls_on_what_faces_the_lamp() {
     let floor = |y: f64| format!("v -1 {y} -1\nv -1 {y} 1\nv 1 {y} 1\nv 1 {y} -1\nf 1 2 3\nf 1 3 4\n");
     let (doc, scene) = read(&floor(0.0));

@@ -52,6 +52,7 @@ pub(super) fn of(before: Drawn, after: Option<Drawn>, size: [u32; 2]) -> Result<
     let shown = after.unwrap_or(before).1;
     let renderer = |(doc, scene, trees)| Renderer::with_trees(doc, scene, trees);
     let (before, after) = (renderer(before)?, after.map(renderer).transpose()?);
+    let after = after.map(|after| after.lit_as(&before));
     let camera = before.camera(&CameraChoice::Default)?;
     let both = Both { before, after, camera, size };
     let shaded = both.pair(View::Shaded, "shaded", "As it looks", "The surfaces with their materials.")?;
