@@ -1,7 +1,8 @@
 // node page.mjs MODULES FOLDER: opens the pages of a folder in headless Chromium and checks what a reader meets: nothing
 // is loaded or thrown, charts have their data, search, download, slider and 3D pane work, hostile names stay text, and axe
 // (installed in the folder MODULES, with Playwright) finds nothing serious. `bake.html` is that of a scene with hostile
-// names, whose report is `bake.json`. With PAGE_SHOTS=FOLDER, screenshots are written there.
+// names, whose report is `bake.json`; `rounds.html` has a slider of rounds, and `thesis.html` shows experiments of the lab.
+// With PAGE_SHOTS=FOLDER, screenshots are written there.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
@@ -200,6 +201,20 @@ async function checkRounds(browser) {
   await close();
 }
 
+async function checkExperiments(browser) {
+  const { page, faults, close } = await open(browser, 'thesis.html', { colorScheme: 'dark' });
+  const pictures = await page.$$eval('img', (all) => all.map((one) => one.complete && one.naturalWidth > 0));
+  assert.ok(pictures.length >= 6 && pictures.every((shown) => shown), `pictures: ${pictures}`);
+  const words = await page.$$eval('figure svg text', (all) => all.map((one) => getComputedStyle(one).fill));
+  assert.ok(words.length > 0 && words.every((fill) => fill === 'rgb(0, 0, 0)'), 'charts are dark on white');
+  await checkAccessible(page, 'experiments in the dark');
+  await checkNarrow(page, 'thesis-dark');
+  const broken = await page.$$eval('table bdi', (all) => all.filter((one) => one.getClientRects().length > 4).map((one) => one.textContent));
+  assert.deepEqual(broken, [], 'cells are wide enough');
+  assert.deepEqual(faults, []);
+  await close();
+}
+
 async function checkWithoutWebGl(browser) {
   const prepare = () => {
     HTMLCanvasElement.prototype.getContext = () => null;
@@ -222,6 +237,7 @@ try {
   await checkOther(browser, 'verify', 4);
   await checkOther(browser, 'inspect', 3);
   await checkRounds(browser);
+  await checkExperiments(browser);
   await checkWithoutWebGl(browser);
 } finally {
   await browser.close();

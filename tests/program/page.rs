@@ -57,6 +57,16 @@ fn page_with_rounds(folder: &Path) {
     assert_eq!(ran.status, 0, "{}", ran.stderr);
 }
 
+/// Makes the page of a quick run of the thesis's experiments on the samples.
+fn page_of_experiments(folder: &Path) {
+    let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
+    let out = folder.join("experiments");
+    let [scenes, made] = [&samples, &out].map(|path| path.to_str().expect("UTF-8"));
+    let ran = raykiln(["lab", "thesis", "--quick", "--device", "cpu", "--scenes", scenes, "--out", made]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    fs::rename(out.join("thesis.html"), folder.join("thesis.html")).expect("the page is written");
+}
+
 /// Makes the pages of all commands for a scene with hostile names.
 fn pages(folder: &Path) -> [(&'static str, String); 3] {
     let scene = hostile_scene(folder);
@@ -91,6 +101,7 @@ fn pages_are_small_hold_their_report_and_work_in_a_browser_whatever_the_names() 
         assert_ne!(embedded(&page, "scene-data")["objects"]["names"], json!([]), "{name}");
     }
     page_with_rounds(folder.path());
+    page_of_experiments(folder.path());
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let ran =
         Command::new("node").arg(root.join("tests/page.mjs")).arg(root.join("target/npm")).arg(folder.path()).output();

@@ -86,11 +86,12 @@ mod tests {
         };
         let svg =
             Figure { caption: "bars".into(), file: "x.svg".into(), content: Picture::Svg("<svg id='x'/>".into()) };
-        let png = Figure { caption: "a picture".into(), file: "x.png".into(), content: Picture::Png(vec![1, 2]) };
+        let png = Figure { caption: "a picture".into(), file: "x.png".into(), content: Picture::Png(vec![1; 3000]) };
         let of =
             Section { heading: "Part".into(), sentences: Vec::new(), tables: vec![table], figures: vec![svg, png] };
         let page = study(&Study { title: "T & U".into(), sentences: vec!["Words.".into()], sections: vec![of] });
-        for words in ["T &amp; U", "Words.", "A &lt;table&gt;", "&lt;b&gt;", "a note", "<svg id='x'/>", "base64,AQI"] {
+        let whole = format!("base64,{}\"", "AQEB".repeat(1000));
+        for words in ["T &amp; U", "Words.", "A &lt;table&gt;", "&lt;b&gt;", "a note", "<svg id='x'/>", &whole] {
             assert!(page.contains(words), "{words}");
         }
     }
