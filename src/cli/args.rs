@@ -126,7 +126,8 @@ pub(super) struct CompareArguments {
     /// How to match the triangles of both files
     #[arg(long = "match", value_enum, value_name = "BY", default_value_t = MatchArgument::Auto)]
     pub(super) match_by: MatchArgument,
-    /// Also write the report to FILE (.json, or .html for a page with charts); may be repeated
+    /// Also write the report to FILE (.json, .html for a page with charts, or .sarif for findings about BEFORE); may be
+    /// repeated
     #[arg(long, value_name = "FILE")]
     pub(super) report: Vec<PathBuf>,
     /// Print JSON instead of text

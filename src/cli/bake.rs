@@ -81,7 +81,7 @@ impl<'a> Files<'a> {
             ensure!(!streams || file.is_none(), "{option} applies to files, not to standard input and output");
         }
         Ok(Files {
-            reports: Reports::check_with_findings(&arguments.report, &scenes)?,
+            reports: Reports::check(&arguments.report, &scenes)?,
             plans: Reports::check_plan(&arguments.write_plan, &scenes)?,
             depfile: Reports::check_depfile(&arguments.depfile, &scenes)?,
         })

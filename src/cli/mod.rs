@@ -113,8 +113,9 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     let (report, shown) = compared?;
     let json = report::json::to_json(&report);
     let reports = reports.stage(|format| match format {
+        Format::Json => json.as_str().into(),
         Format::Page => report::html::verify(&report, shown.as_ref()).into(),
-        _ => json.as_str().into(),
+        Format::Sarif => report::to_sarif(&report.input.path, &report.findings).into(),
     })?;
     if arguments.json {
         print(json.as_bytes())?;
@@ -132,7 +133,7 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
 }
 
 fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode> {
-    let reports = Reports::check_with_findings(&arguments.report, &[&arguments.input])?;
+    let reports = Reports::check(&arguments.report, &[&arguments.input])?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
     let load = LoadOptions { strict: arguments.strict, ..arguments.obj.load() };

@@ -44,11 +44,6 @@ pub(super) struct Reports<'a> {
 impl<'a> Reports<'a> {
     /// Rejects files that cannot be written, before any work is done. `taken` are the command's other files.
     pub(super) fn check(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
-        Reports::check_option("--report", files, &[Format::Json, Format::Page], taken)
-    }
-
-    /// Like [`Reports::check`], for a report that has findings.
-    pub(super) fn check_with_findings(files: &'a [PathBuf], taken: &[&Path]) -> Result<Self> {
         Reports::check_option("--report", files, &Format::ALL, taken)
     }
 

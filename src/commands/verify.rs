@@ -6,11 +6,11 @@ use std::time::Instant;
 use raykiln_formats::Document;
 
 use crate::commands::measure::{measure_with, per_primitive_note};
-use crate::commands::{CommandError, fingerprint};
+use crate::commands::{CommandError, fingerprint, rules};
 use crate::cost::mesh_trees::MeshTrees;
 use crate::report::html::Shown;
 use crate::report::notes::EQUAL_FILES;
-use crate::report::{Input, Speed, VerifyReport};
+use crate::report::{self, Input, Speed, VerifyReport};
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict;
 use crate::verify::{Exact, Machine, Matching, Sides, VerifyOptions};
@@ -62,15 +62,18 @@ pub fn compare_and_show(
     let scenes = Sides { before: &scene_before, after: &scene_after };
     let [bytes_before, bytes_after] = [&doc_before, &doc_after].map(Document::file_bytes);
     let exact = Exact::of_files(Sides { before: &doc_before, after: &doc_after }, scenes, None, &options)?;
-    // Tracing needs the memory.
-    drop((doc_before, doc_after));
     let trees_before = MeshTrees::build(&scene_before);
     let trees_after = trees_before.build_for(&scene_before, &scene_after, &[]);
     let trees = Sides { before: &trees_before, after: &trees_after };
-    let verification = machine.verify_with(scenes, trees, exact.as_ref(), &options)?;
     let blas_per = options.build.blas_per;
     let metrics_before = measure_with(&scene_before, &trees_before, blas_per);
     let metrics_after = measure_with(&scene_after, &trees_after, blas_per);
+    let mut findings = rules::findings(&doc_before, &scene_before, &trees_before, metrics_before.as_bytes());
+    let findings_after = rules::findings(&doc_after, &scene_after, &trees_after, metrics_after.as_bytes());
+    report::compare_with_output(&mut findings, &findings_after);
+    // Tracing needs the memory.
+    drop((doc_before, doc_after));
+    let verification = machine.verify_with(scenes, trees, exact.as_ref(), &options)?;
     let profiles = per_primitive_note(blas_per, scenes, Sides { before: &metrics_before, after: &metrics_after });
     let untimed = is_same.then(|| EQUAL_FILES.to_owned());
     let notes = verification.notes.iter().map(ToString::to_string).chain(profiles).chain(untimed).collect();
@@ -87,6 +90,7 @@ pub fn compare_and_show(
         verdict: verdict::verdict(&verification, &options, false),
         overall: Speed::of(&verification, &options.weights, machine.name().1),
         notes,
+        findings,
         verify: verification,
         seconds: start.elapsed().as_secs_f64(),
         warnings: [warnings_before, warnings_after].concat(),

@@ -257,6 +257,8 @@ pub struct VerifyReport {
     pub matched_by: Matching,
     /// Results of tracing both files.
     pub verify: Verification,
+    /// The vendor rules that the reference file breaks, and whether the other one does so too.
+    pub findings: Vec<Finding>,
     /// The speed that the verdict is based on.
     pub overall: Speed,
     /// The verdict.

@@ -50,7 +50,7 @@ pub fn bake(report: &BakeReport, verbose: bool) -> String {
     text + "\n" + &paragraph(&format!("verdict: {verdict}: {}", report.verdict_reason))
 }
 
-/// The findings about the input of a bake: their rules, or in full.
+/// The findings about the first of two files: their rules, or in full.
 fn findings_of_input(findings: &[Finding], verbose: bool) -> String {
     if findings.is_empty() {
         return String::new();
@@ -128,6 +128,7 @@ pub fn verify(report: &VerifyReport, verbose: bool) -> String {
     }
     let metrics = Sides { before: &report.before, after: &report.after };
     text += &before_and_after(report.blas_per, metrics, &report.verify, &report.overall);
+    text += &findings_of_input(&report.findings, verbose);
     let shown = match report.verdict {
         Verdict::Failed => "failed: the files do not show the same".to_owned(),
         Verdict::CannotTell => report.verify.to_string(),

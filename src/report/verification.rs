@@ -16,8 +16,10 @@ impl Display for Verification {
                 let failures: Vec<String> = self.failures.iter().map(ToString::to_string).collect();
                 f.write_str(&failures.join("; "))
             }
-            Some(structure) => write!(f, "{} triangles and {} rays agree", structure.triangles_after, self.rays),
-            None => write!(f, "{} rays agree", self.rays),
+            Some(structure) => {
+                write!(f, "{} triangles and {} rays agree", grouped(structure.triangles_after), grouped(self.rays))
+            }
+            None => write!(f, "{} rays agree", grouped(self.rays)),
         }
     }
 }

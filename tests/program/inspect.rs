@@ -99,20 +99,40 @@ fn assert_valid_sarif(files: &[PathBuf]) {
 #[test]
 fn findings_are_written_as_valid_sarif() {
     let folder = TempDir::new().expect("a temporary folder");
-    let [of_inspect, of_clean, of_bake] =
-        ["a b.sarif", "clean.SARIF", "bake.sarif"].map(|name| folder.path().join(name));
+    let [of_inspect, of_clean, of_bake, of_verify] =
+        ["a b.sarif", "clean.SARIF", "bake.sarif", "verify.sarif"].map(|name| folder.path().join(name));
     let path = |file: &PathBuf| file.to_str().expect("UTF-8").to_owned();
     assert_eq!(inspect("findings", &["--report", &path(&of_inspect)]).status, 0);
     assert_eq!(inspect("clean", &["--report", &path(&of_clean)]).status, 0);
     let json = folder.path().join("bake.json");
     let reports = ["--method", "single", "--report", &path(&of_bake), "--report", &path(&json)];
-    bake(&sample("findings"), &folder.path().join("out.glb"), &reports);
+    let output = folder.path().join("out.glb");
+    bake(&sample("findings"), &output, &reports);
     assert!(json.is_file());
-    let log: Value = serde_json::from_slice(&std::fs::read(&of_inspect).expect("a log")).expect("JSON");
-    let results = log["runs"][0]["results"].as_array().expect("results");
-    let rules: Vec<&str> = results.iter().filter_map(|result| result["ruleId"].as_str()).collect();
-    assert_eq!(rules, ["RK001", "RK002", "RK003", "RK005", "RK006", "RK014"]);
-    assert_valid_sarif(&[of_inspect, of_clean, of_bake]);
+    let files = [path(&sample("findings")), path(&output)];
+    let ran = raykiln(["verify", &files[0], &files[1], "--device", "cpu", "--report", &path(&of_verify)]);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let rules = |file: &PathBuf| -> Vec<String> {
+        let log: Value = serde_json::from_slice(&std::fs::read(file).expect("a log")).expect("JSON");
+        let results = log["runs"][0]["results"].as_array().expect("results");
+        results.iter().filter_map(|result| result["ruleId"].as_str()).map(str::to_owned).collect()
+    };
+    let expected = ["RK001", "RK002", "RK003", "RK005", "RK006", "RK014"];
+    assert_eq!([&of_inspect, &of_verify].map(rules), [expected, expected]);
+    assert_valid_sarif(&[of_inspect, of_clean, of_bake, of_verify]);
+}
+
+#[test]
+fn a_comparison_finds_what_a_bake_finds() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let output = folder.path().join("out.glb");
+    let baked = bake(&sample("findings"), &output, &["--method", "single"]);
+    let files = [sample("findings"), output].map(|file| file.to_str().expect("UTF-8").to_owned());
+    let compared = raykiln(["verify", &files[0], &files[1], "--device", "cpu", "--json"]).json();
+    assert_eq!(compared["findings"], baked["findings"]);
+    let gone: Vec<bool> =
+        compared["findings"].as_array().expect("a list").iter().map(|f| f["gone_after"] == true).collect();
+    assert!(gone.contains(&true), "{gone:?}");
 }
 
 #[test]

@@ -165,7 +165,8 @@ mod tests {
     fn names_are_shown_as_text_and_addresses_are_escaped() {
         let row = Row::without_result("<b>x</b>", "a b/<x>:\".glb", Status::Baked, "javascript:alert(1)");
         let failed = Row::without_result("y", "y.glb", Status::Failed, "<script>alert(2)</script>");
-        let page = batch(&Summary::of(vec![row, failed], 1.0, None));
+        // The template escapes slashes too.
+        let page = batch(&Summary::of(vec![row, failed], 1.0, None)).replace("&#x2f;", "/");
         assert!(page.contains("href=\"./a%20b/%3Cx%3E%3A%22.glb\""), "{page}");
         assert!(page.contains("1 of 2 assets failed"));
         assert!(!page.contains("<b>x") && !page.contains("<script>alert"));

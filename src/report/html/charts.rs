@@ -61,8 +61,7 @@ pub(super) fn speed(verification: &Verification, overall: &Speed) -> Option<Char
     Some(Chart {
         id: "chart-speed",
         title: "Speed after over speed before, by ray kind and view",
-        caption: "Right of the line at 1 the baked scene is faster. The bars show how far repeats and views spread."
-            .into(),
+        caption: "Right of the line at 1 the output is faster. The bars show how far repeats and views spread.".into(),
         svg: ratios("chart-speed", &rows),
         legend: Vec::new(),
         head: vec!["rays", "times as fast", "spread"],
@@ -200,8 +199,8 @@ fn shortened(name: &str) -> String {
 
 fn worst_after(worst: Option<&OverlappingPair>) -> String {
     match worst {
-        None => "After the bake no two boxes overlap.".to_owned(),
-        Some(pair) => format!("After the bake the worst pair overlaps by {:.4}.", pair.overlap_ratio),
+        None => "In the output no two boxes overlap.".to_owned(),
+        Some(pair) => format!("In the output the worst pair overlaps by {}.", significant(pair.overlap_ratio)),
     }
 }
 

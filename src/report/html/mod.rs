@@ -64,6 +64,8 @@ struct Page {
     applied: Vec<Row>,
     left_out: Vec<Row>,
     findings: Option<Findings>,
+    /// Whether what moves can be refitted, in sentences.
+    motion: Vec<String>,
     /// How exact the output is, in sentences.
     accuracy: Vec<String>,
     notes: Listed<String>,
@@ -97,6 +99,14 @@ struct Findings {
     checked: String,
 }
 
+impl Findings {
+    /// The findings about a scene; `checked` rules were checked, 0 if that is not reported.
+    fn of(findings: &[Finding], checked: usize) -> Findings {
+        let checked = if checked == 0 { String::new() } else { counted(checked, "rule") };
+        Findings { list: Listed::of(findings.iter().cloned()), checked }
+    }
+}
+
 impl<T> Listed<T> {
     fn of(all: impl ExactSizeIterator<Item = T>) -> Listed<T> {
         let more = all.len().saturating_sub(MOST_LISTED);
@@ -119,7 +129,8 @@ pub fn bake(report: &BakeReport, shown: Option<&Shown>) -> String {
         charts_of_speed: charts::speed(&report.verify, &report.overall).into_iter().collect(),
         charts_of_layouts: of_rounds.into_iter().chain(charts::candidates(&report.method)).collect(),
         charts_of_time: vec![charts::seconds(&report.seconds)],
-        findings: Some(Findings { list: Listed::of(report.findings.iter().cloned()), checked: String::new() }),
+        findings: Some(Findings::of(&report.findings, 0)),
+        motion: report.motion.iter().flat_map(super::motion::sentences).map(|s| headline::sentence(&s)).collect(),
         choice: Some(report.method.reason.clone()),
         candidates: candidates(&report.method),
         applied: passes(true),
@@ -142,6 +153,7 @@ pub fn verify(report: &VerifyReport, shown: Option<&Shown>) -> String {
         sections: rows::of_both(metrics, files, &report.verify, &report.overall),
         has_after: true,
         charts_of_speed: charts::speed(&report.verify, &report.overall).into_iter().collect(),
+        findings: Some(Findings::of(&report.findings, 0)),
         accuracy: accuracy(&report.verify),
         notes: Listed::of(report.notes.iter().cloned()),
         warnings: Listed::of(report.warnings.iter().cloned()),
@@ -152,14 +164,11 @@ pub fn verify(report: &VerifyReport, shown: Option<&Shown>) -> String {
 
 /// Returns the report of an inspection as a page; `shown` is what was gathered of the scene.
 pub fn inspect(report: &InspectReport, shown: Option<&Shown>) -> String {
-    let findings = Findings {
-        list: Listed::of(report.findings.iter().cloned()),
-        checked: counted(report.rules_checked.len(), "rule"),
-    };
     let page = Page {
         headline: headline::of_inspection(report),
         sections: rows::of_one(&report.before, report.input.bytes),
-        findings: Some(findings),
+        findings: Some(Findings::of(&report.findings, report.rules_checked.len())),
+        motion: report.motion.iter().flat_map(super::motion::sentences).map(|s| headline::sentence(&s)).collect(),
         warnings: Listed::of(report.warnings.iter().cloned()),
         ..Page::of("inspect", &report.input, report, shown)
     };
@@ -193,6 +202,7 @@ impl Page {
             applied: Vec::new(),
             left_out: Vec::new(),
             findings: None,
+            motion: Vec::new(),
             accuracy: Vec::new(),
             notes: Listed::of([].into_iter()),
             warnings: Listed::of([].into_iter()),

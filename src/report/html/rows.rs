@@ -144,7 +144,10 @@ fn compared(
             }
         }
     };
-    Row { name: name.into(), help, before: written(before), after: written(after), change: percent(change), tone }
+    let [before, after] = [before, after].map(written);
+    // What looks the same is no change.
+    let (change, tone) = if before == after { (String::new(), "") } else { (percent(change), tone) };
+    Row { name: name.into(), help, before, after, change, tone }
 }
 
 /// Formats a relative change, such as `+12 %`; more than doubling as a factor; empty if there is none.
