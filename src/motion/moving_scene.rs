@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{Animation, PlacedCopies, Playing, Rig};
 use crate::parallel::CHEAP_ELEMENTS;
-use crate::scene::{Bounds, Instance, Known, MeshId, Scene};
+use crate::scene::{Bounds, Instance, Known, Mesh, MeshId, Scene};
 
 /// A scene at a time. The instances of the scene itself come first and stay, unless an animation of its own
 /// plays; those of the copies follow, copy by copy.
@@ -60,7 +60,7 @@ impl MovingScene {
         let first = self.scene.meshes.len() as u32;
         let (materials, images) = (self.scene.materials.len() as u32, self.scene.images.len() as u32);
         for mesh in &model.meshes {
-            let mut mesh = mesh.clone();
+            let mut mesh = Mesh { source: Mesh::ELSEWHERE, ..mesh.clone() };
             for geometry in &mut mesh.geometries {
                 geometry.material = geometry.material.map(|material| material + materials);
                 if let Some(texture) = geometry.alpha.as_mut().and_then(|alpha| alpha.texture.as_mut()) {

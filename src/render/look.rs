@@ -54,9 +54,10 @@ pub(super) struct Look {
 }
 
 impl<'a> Looks<'a> {
-    /// Reads what the surfaces of a scene look like. Images that cannot be read are listed.
+    /// Reads what the surfaces of a scene look like. Images that cannot be read are listed. Meshes of no document are white.
     pub(super) fn of(doc: &'a Document, scene: &Scene) -> Looks<'a> {
-        let geometries = scene.meshes.iter().flat_map(|mesh| &mesh.geometries);
+        let of_document = scene.meshes.iter().filter(|mesh| mesh.source != Mesh::ELSEWHERE);
+        let geometries = of_document.flat_map(|mesh| &mesh.geometries);
         let materials = of_geometries(doc, geometries.map(|g| (g.material, &g.opacity)));
         let wanted: BTreeSet<usize> = materials.values().flat_map(Material::textures).map(|t| t.image).collect();
         let most = (MOST_TEXELS / wanted.len().max(1)).min(MOST_TEXELS_PER_IMAGE);
@@ -186,7 +187,9 @@ fn of_mesh<'a>(doc: &'a Document, mesh: &Mesh, materials: &HashMap<Option<u32>, 
         let used = materials.get(&geometry.material).into_iter().flat_map(Material::textures);
         let sets: BTreeSet<usize> = used.map(|texture| texture.set).collect();
         let mut attributes = Attributes { normal: None, colour: None, coordinates: Vec::new() };
-        for attribute in doc.attributes(mesh.source as usize, geometry.primitive as usize) {
+        let is_known = mesh.source != Mesh::ELSEWHERE;
+        let all = is_known.then(|| doc.attributes(mesh.source as usize, geometry.primitive as usize));
+        for attribute in all.into_iter().flatten() {
             let components = attribute.element.components;
             match attribute.name.as_str() {
                 "NORMAL" if components == 3 => attributes.normal = Some(attribute),

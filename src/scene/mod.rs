@@ -81,7 +81,7 @@ pub struct Boxes {
 pub struct Mesh {
     /// Name in the file, or empty.
     pub name: String,
-    /// Index in the document.
+    /// Index in the document, or [`Mesh::ELSEWHERE`].
     pub source: u32,
     /// Its geometries, in file order; none is empty.
     pub geometries: Vec<Geometry>,
@@ -199,6 +199,9 @@ pub struct TriangleRef {
 }
 
 impl Mesh {
+    /// The source of a mesh that the scene's document does not have: neither are its materials.
+    pub const ELSEWHERE: u32 = u32::MAX;
+
     /// Returns the number of triangles in all geometries.
     pub fn triangle_count(&self) -> usize {
         self.geometries.last().map_or(0, |last| last.first_triangle as usize + last.triangles.len())

@@ -10,6 +10,7 @@ use crate::lab::bench::{Bench, RunRow, RunTable, Session, Setup, Subject};
 use crate::lab::cooling::{Cooling, Limits, MAX_TEMPERATURE, TIMEOUT};
 use crate::lab::thesis_files::SettingsFile;
 use crate::render::{Camera, RenderOptions, Renderer, View};
+use crate::scene::Scene;
 use crate::verify::DeviceChoice;
 use crate::verify::probe::Until;
 
@@ -258,7 +259,7 @@ impl Runner {
     }
 }
 
-/// Draws the layout of a setup.
+/// Draws the layout of a setup. What surfaces look like is in the input, and does not depend on the layout.
 fn draw(
     session: &Session,
     setup: &Setup,
@@ -266,11 +267,27 @@ fn draw(
     folder: &Path,
     result: &mut ActionsResult,
 ) -> Result<(), LabError> {
-    if views.is_empty() {
-        return Ok(());
+    let (shaded, of_layout): (Vec<View>, Vec<View>) = views.iter().partition(|view| **view == View::Shaded);
+    if !shaded.is_empty() {
+        draw_scene(session, setup, &session.subject.scene, &shaded, folder, result)?;
     }
+    if !of_layout.is_empty() {
+        draw_scene(session, setup, &session.lay_out(setup).stored, &of_layout, folder, result)?;
+    }
+    Ok(())
+}
+
+/// Draws views of a scene, which shows the model, with the instances.
+fn draw_scene(
+    session: &Session,
+    setup: &Setup,
+    scene: &Scene,
+    views: &[View],
+    folder: &Path,
+    result: &mut ActionsResult,
+) -> Result<(), LabError> {
     let subject = session.subject;
-    let scene = subject.with_instances(&session.lay_out(setup).stored);
+    let scene = subject.with_instances(scene);
     let camera = Camera::of(session.view().clone());
     let options = RenderOptions {
         size: setup.picture.size,
