@@ -42,32 +42,7 @@ enum LabCommand {
         large: bool,
     },
     /// Repeat the experiments of the thesis "Scene optimization for RTX" (docs/thesis.md)
-    Thesis {
-        /// Folder with the scenes of the thesis, each in a folder of its own
-        #[arg(long, value_name = "DIR")]
-        scenes: PathBuf,
-        /// Folder for rows, figures and pages; it is created if it does not exist
-        #[arg(long, value_name = "DIR")]
-        out: PathBuf,
-        /// Trace few rays once; without scenes of the thesis, take the largest others
-        #[arg(long)]
-        quick: bool,
-        /// Seconds that each trial is timed for; the thesis has 10
-        #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = seconds)]
-        seconds: f64,
-        /// What traces: auto, cpu, an index or part of a name
-        #[arg(long, value_name = "DEVICE", default_value = "auto")]
-        device: String,
-        /// Degrees Celsius to which a GPU cools down before each run
-        #[arg(long, value_name = "CELSIUS", default_value_t = 60.0, value_parser = at_least_zero)]
-        max_temperature: f64,
-        /// Seconds after which a run begins even if the GPU is warmer
-        #[arg(long, value_name = "SECONDS", default_value_t = 300.0, value_parser = at_least_zero)]
-        cooling_timeout: f64,
-        /// Keep rows of an earlier run that are in the folder already
-        #[arg(long)]
-        resume: bool,
-    },
+    Thesis(ThesisArguments),
     /// Convert a scene file (.scn) or an environment file (.env) to TOML, or back
     Convert {
         /// File to convert: .scn, .env, or .toml
@@ -76,6 +51,37 @@ enum LabCommand {
         #[arg(short, long, value_name = "FILE")]
         output: PathBuf,
     },
+}
+
+#[derive(Debug, Args)]
+struct ThesisArguments {
+    /// Folder with the scenes of the thesis, each in a folder of its own
+    #[arg(long, value_name = "DIR", required_unless_present = "redraw")]
+    scenes: Option<PathBuf>,
+    /// Folder for rows, figures and pages; it is created if it does not exist
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Trace few rays once; without scenes of the thesis, take the largest others
+    #[arg(long)]
+    quick: bool,
+    /// Seconds that each trial is timed for; the thesis has 10
+    #[arg(long, value_name = "SECONDS", default_value_t = 1.0, value_parser = seconds)]
+    seconds: f64,
+    /// What traces: auto, cpu, an index or part of a name
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    device: String,
+    /// Degrees Celsius to which a GPU cools down before each run
+    #[arg(long, value_name = "CELSIUS", default_value_t = 60.0, value_parser = at_least_zero)]
+    max_temperature: f64,
+    /// Seconds after which a run begins even if the GPU is warmer
+    #[arg(long, value_name = "SECONDS", default_value_t = 300.0, value_parser = at_least_zero)]
+    cooling_timeout: f64,
+    /// Keep rows of an earlier run that are in the folder already
+    #[arg(long)]
+    resume: bool,
+    /// Measure nothing: write figures and pages again from the rows that are in the folder
+    #[arg(long, conflicts_with_all = ["scenes", "quick", "seconds", "device", "max_temperature", "cooling_timeout", "resume"])]
+    redraw: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -90,7 +96,7 @@ pub(super) fn run(arguments: &LabArguments, output: &Output) -> Result<ExitCode>
         (Some(LabCommand::Generate { scenes: GeneratedScenes::Extreme, out, seed, large }), _) => {
             generate(out, *seed, *large, output)
         }
-        (Some(command @ LabCommand::Thesis { .. }), _) => thesis(&command.thesis(), output),
+        (Some(LabCommand::Thesis(arguments)), _) => thesis(arguments, output),
         (Some(LabCommand::Convert { file, output: to }), _) => convert(file, to, output),
         (None, Some(config)) if lab::lists_actions(config) => act(config, arguments.resume, output),
         (None, Some(_)) if arguments.resume => bail!("--resume needs a list of actions"),
@@ -99,22 +105,20 @@ pub(super) fn run(arguments: &LabArguments, output: &Output) -> Result<ExitCode>
     }
 }
 
-impl LabCommand {
-    /// Returns what to repeat of the thesis.
-    fn thesis(&self) -> lab::thesis::ThesisOptions {
-        let LabCommand::Thesis { scenes, out, quick, seconds, device, max_temperature, cooling_timeout, resume } = self
-        else {
-            unreachable!("it is the command `thesis`")
+impl ThesisArguments {
+    /// Repeats the experiments, or only draws them again.
+    fn run(&self, progress: &mut dyn FnMut(&lab::thesis::Step)) -> Result<lab::thesis::ThesisResult, lab::LabError> {
+        let Some(scenes) = self.scenes.clone() else { return lab::thesis::redraw(&self.out) };
+        let options = lab::thesis::ThesisOptions {
+            scenes,
+            out: self.out.clone(),
+            quick: self.quick,
+            seconds: self.seconds,
+            device: self.device.as_str().into(),
+            limits: lab::Limits { temperature: self.max_temperature, timeout: self.cooling_timeout },
+            resume: self.resume,
         };
-        lab::thesis::ThesisOptions {
-            scenes: scenes.clone(),
-            out: out.clone(),
-            quick: *quick,
-            seconds: *seconds,
-            device: device.as_str().into(),
-            limits: lab::Limits { temperature: *max_temperature, timeout: *cooling_timeout },
-            resume: *resume,
-        }
+        lab::thesis::thesis(&options, progress)
     }
 }
 
@@ -168,17 +172,18 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 /// Repeats the thesis's experiments, and states where the page is.
-fn thesis(options: &lab::thesis::ThesisOptions, output: &Output) -> Result<ExitCode> {
+fn thesis(arguments: &ThesisArguments, output: &Output) -> Result<ExitCode> {
     let mut progress = Counted::new(output.quiet);
-    let done = lab::thesis::thesis(options, &mut |step| enter(&mut progress, step, output));
+    let done = arguments.run(&mut |step| enter(&mut progress, step, output));
     progress.finish();
     let done = done?;
     if !output.quiet {
         print(format!("{} rows; the page is {}\n", done.rows, done.page.display()).as_bytes())?;
         let warnings = done.warnings.iter().filter(|_| output.verbose > 0);
-        done.failures.iter().chain(&done.notes).chain(warnings).for_each(|note| print_note(note));
+        done.notes.iter().chain(warnings).for_each(|note| print_note(note));
     }
-    Ok(if done.rows == 0 { ExitCode::from(FAILED) } else { ExitCode::SUCCESS })
+    done.failures.iter().for_each(|why| print_error(format_args!("{why}")));
+    Ok(if done.failures.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(FAILED) })
 }
 
 /// Converts a file, and states what is lost.

@@ -14,4 +14,4 @@ pub use moving::MotionRun;
 pub use row::{KindRun, RunRow};
 pub(super) use setup::{PictureSetup, Setup};
 pub(super) use subject::{Instances, Subject, read_instance};
-pub(super) use table::{RunTable, read as read_rows};
+pub(super) use table::{NAMES as RUN_TABLES, RunTable, read as read_rows};

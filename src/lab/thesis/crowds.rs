@@ -3,10 +3,11 @@
 //! Rays are timed at the beginning of the motion, and then frame by frame while the instances move. The experiment
 //! `[motion]` compares policies of refitting and rebuilding.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::measured::Crowded;
+use super::measured::{Crowded, Measured};
 use super::trials::Trial;
 use super::{Experiments, Failure, pictures};
 use crate::lab::bench::{Instances, LaidOut, RunRow, Session, Setup, Subject, read_instance};
@@ -46,6 +47,20 @@ pub(super) fn most(quick: bool) -> usize {
 /// Returns the number of runs with instances per scene.
 pub(super) fn runs() -> usize {
     COMPARED.len() * Trial::COMPARED.len() + 2
+}
+
+/// Returns the numbers of instances of rows, ascending: those of the last experiment, then that of the third.
+pub(super) fn counts(measured: &[Measured]) -> Vec<usize> {
+    let all = measured.iter().flat_map(|scene| &scene.crowds).map(|crowded| crowded.instances);
+    all.collect::<BTreeSet<_>>().into_iter().collect()
+}
+
+/// What rows of the instances without the scene are named.
+pub(super) const ALONE: &str = "instances only";
+
+/// What the names of rows with instances end with.
+pub(super) fn suffix(instances: usize) -> String {
+    format!(", {instances} instances")
 }
 
 /// Reads the model of instances; a quick run takes a scene instead if it is not at hand.
@@ -98,10 +113,10 @@ impl Experiments<'_, '_> {
         trial: Option<Trial>,
         chosen: &LaidOut,
     ) -> Result<RunRow, Failure> {
-        let name = trial.map_or_else(|| "instances only".to_owned(), Trial::name);
+        let name = trial.map_or_else(|| ALONE.to_owned(), Trial::name) + &suffix(instances);
         let setup = self.setup(trial.unwrap_or(Trial::Single));
         let rebuild_interval = if self.options.quick { QUICK_INTERVAL } else { REBUILD_INTERVAL };
-        let setup = Setup { name: format!("{name}, {instances} instances"), rebuild_interval, ..setup };
+        let setup = Setup { name, rebuild_interval, ..setup };
         let step = format!("{}: {}", session.subject.name, setup.name);
         self.row(session, &setup, step, &mut |session| match trial {
             Some(Trial::Auto) => session.run_laid(&setup, chosen),

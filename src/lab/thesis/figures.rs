@@ -1,9 +1,10 @@
 //! Figures 5.1, 5.3, 5.4 and 5.7 to 5.12 as charts.
 
-use super::measured::{Crowded, Measured, standing_for};
+use super::measured::{Measured, standing_for};
 use super::numbers::{CHOSEN, NODE_RATIOS, SAN_MIGUEL, SCENES, SKIP_THRESHOLDS, SOM_THRESHOLDS};
 use super::trials::Trial;
 use crate::lab::LabError;
+use crate::lab::bench::MotionRun;
 use crate::lab::plot::{Bar, BarChart, Drawing, LineChart};
 use crate::report::study::{Figure, Picture};
 use std::path::Path;
@@ -119,8 +120,7 @@ pub(super) fn crowds(measured: &[Measured], instances: usize, folder: &Path) -> 
 /// Every scene with many instances while they move. The thesis has no such figure.
 pub(super) fn motion(measured: &[Measured], instances: usize, folder: &Path) -> Result<Vec<Figure>, LabError> {
     let series = |scene: &Measured| {
-        let is_it = |of: &&Crowded| of.instances == instances && of.trial == Some(Trial::Single);
-        let motion = scene.crowds.iter().find(is_it)?.row.motion.as_ref()?;
+        let motion = scene.motion(instances, Some(Trial::Single))?;
         Some((scene.found.name.clone(), motion.series.clone()))
     };
     let all: Vec<(String, Vec<f64>)> = measured.iter().filter_map(series).collect();
@@ -142,6 +142,37 @@ pub(super) fn motion(measured: &[Measured], instances: usize, folder: &Path) -> 
     };
     let caption = format!("Speed of every scene with {instances} instances while they move; not in the thesis.");
     Ok(vec![figure(&chart, folder, "motion", caption)?])
+}
+
+/// What a frame takes besides tracing in which instances move, with each scene as a single BLAS. The thesis has no such
+/// figure.
+pub(super) fn upkeep(measured: &[Measured], instances: &[usize], folder: &Path) -> Result<Vec<Figure>, LabError> {
+    instances.iter().filter_map(|&count| upkeep_of(measured, count, folder).transpose()).collect()
+}
+
+fn upkeep_of(measured: &[Measured], instances: usize, folder: &Path) -> Result<Option<Figure>, LabError> {
+    let moved: Vec<(&Measured, &MotionRun)> =
+        measured.iter().filter_map(|scene| Some((scene, scene.motion(instances, Some(Trial::Single))?))).collect();
+    if moved.is_empty() {
+        return Ok(None);
+    }
+    let bar = |value: f64| Bar { value, spread: 0.0 };
+    let of = |motion: &MotionRun| {
+        [Some(motion.matrices_ms + motion.upload_ms), motion.refit_ms, motion.rebuild_ms].map(|ms| ms.map(bar)).to_vec()
+    };
+    let scenes: Vec<&Measured> = moved.iter().map(|(scene, _)| *scene).collect();
+    let chart = BarChart {
+        title: format!("{instances} instances in motion, single BLAS"),
+        unit: "milliseconds".into(),
+        heading: "what is done".into(),
+        series: ["update of matrices", "refit of the TLAS", "rebuild of the TLAS"].map(String::from).to_vec(),
+        bars: moved.iter().map(|(_, motion)| of(motion)).collect(),
+        ..bars(&scenes, &[], String::new())
+    };
+    let caption = format!(
+        "Time to update the matrices of {instances} instances, and to refit or rebuild the TLAS; not in the thesis."
+    );
+    figure(&chart, folder, &format!("upkeep-{instances}"), caption).map(Some)
 }
 
 /// Figures 5.7 to 5.12: all methods on each scene, without instances and with numbers of them.

@@ -2,7 +2,7 @@
 
 use super::scenes::Found;
 use super::trials::Trial;
-use crate::lab::bench::RunRow;
+use crate::lab::bench::{MotionRun, RunRow};
 
 /// A scene with its trials.
 #[derive(Clone, Debug)]
@@ -43,8 +43,17 @@ impl Measured {
 
     /// Returns the speed with a number of instances, of the instances alone without a trial.
     pub(super) fn crowd(&self, instances: usize, trial: Option<Trial>) -> Option<(f64, f64)> {
+        self.crowd_row(instances, trial).and_then(speed_of)
+    }
+
+    /// Returns the frames in which a number of instances move, of the instances alone without a trial.
+    pub(super) fn motion(&self, instances: usize, trial: Option<Trial>) -> Option<&MotionRun> {
+        self.crowd_row(instances, trial)?.motion.as_ref()
+    }
+
+    fn crowd_row(&self, instances: usize, trial: Option<Trial>) -> Option<&RunRow> {
         let is_it = |of: &&Crowded| of.instances == instances && of.trial == trial;
-        self.crowds.iter().find(is_it).and_then(|of| speed_of(&of.row))
+        self.crowds.iter().find(is_it).map(|of| &of.row)
     }
 
     /// Returns the fastest of some trials.

@@ -11,6 +11,7 @@ mod measured;
 mod numbers;
 mod page;
 mod pictures;
+mod redraw;
 mod scenes;
 mod tables;
 mod trials;
@@ -26,6 +27,7 @@ use crate::verify::DeviceChoice;
 use crate::verify::probe::Until;
 use measured::Measured;
 use numbers::{SAN_MIGUEL, SIBENIK};
+pub use redraw::redraw;
 use scenes::Found;
 use trials::Trial;
 
@@ -120,7 +122,7 @@ pub fn thesis(options: &ThesisOptions, progress: &mut dyn FnMut(&Step)) -> Resul
     let mut result = study.result;
     result.notes.extend(study.cooling.into_iter().flat_map(Cooling::into_notes));
     result.rows = measured.iter().map(|scene| scene.trials.len() + scene.crowds.len()).sum();
-    result.page = page::write(&measured, fragments, &result.failures, options)?;
+    result.page = page::write(&measured, fragments, &result.failures, &options.out)?;
     Ok(result)
 }
 
@@ -130,6 +132,14 @@ enum Failure {
     Scene(String),
     /// Nothing can be written.
     Output(LabError),
+}
+
+/// States what of a run failed.
+fn failures_of(row: &RunRow) -> Vec<String> {
+    let wrong = row.motion.as_ref().map_or(0, |motion| motion.wrong_hits);
+    let wrong = (wrong > 0).then(|| format!("{wrong} rays of the last frame hit something else than they should"));
+    let why = row.failure.clone().into_iter().chain(wrong);
+    why.map(|why| format!("{}, {}: {why}", row.scene, row.environment)).collect()
 }
 
 struct Experiments<'o, 'p> {
@@ -157,7 +167,7 @@ impl Experiments<'_, '_> {
     ) -> Result<(Measured, Fragments), Failure> {
         let in_words = |e: LabError| Failure::Scene(e.to_string());
         (self.progress)(&Step { done: self.step, of: self.steps, name: found.name.clone() });
-        let mut subject = Subject::read(&found.name, &found.file).map_err(in_words)?;
+        let mut subject = Subject::read(&found.model, &found.file).map_err(in_words)?;
         subject.name.clone_from(&found.name);
         self.result.warnings.append(&mut subject.warnings);
         let mut session = Session::new(self.bench, &subject).map_err(Failure::Scene)?;
@@ -201,26 +211,17 @@ impl Experiments<'_, '_> {
     ) -> Result<RunRow, Failure> {
         (self.progress)(&Step { done: self.step, of: self.steps, name });
         self.step += 1;
-        if let Some(row) = self.table.known(&session.id(setup)) {
-            return Ok(row.clone());
-        }
-        self.cooling.iter_mut().for_each(Cooling::wait);
-        let row = measure(session).map_err(Failure::Scene)?;
-        self.table.append(&row).map_err(Failure::Output)?;
-        self.fail_untimed(&row);
+        let row = match self.table.known(&session.id(setup)) {
+            Some(row) => row.clone(),
+            None => {
+                self.cooling.iter_mut().for_each(Cooling::wait);
+                let row = measure(session).map_err(Failure::Scene)?;
+                self.table.append(&row).map_err(Failure::Output)?;
+                row
+            }
+        };
+        self.result.failures.extend(failures_of(&row));
         Ok(row)
-    }
-
-    fn fail_untimed(&mut self, row: &RunRow) {
-        let failed = row.failure.as_ref().map(|why| format!("{}, {}: {why}", row.scene, row.environment));
-        let wrong = row.motion.as_ref().map_or(0, |motion| motion.wrong_hits);
-        let wrong = (wrong > 0).then(|| {
-            format!(
-                "{}, {}: {wrong} rays of the last frame hit something else than they should",
-                row.scene, row.environment
-            )
-        });
-        self.result.failures.extend(failed.into_iter().chain(wrong));
     }
 
     fn setup(&self, trial: Trial) -> Setup {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::ThesisOptions;
+use super::QUICK_SIZE;
 use super::measured::Measured;
 use super::{claims, crowds, figures, tables};
 use crate::lab::LabError;
@@ -21,27 +21,21 @@ pub(super) fn write(
     measured: &[Measured],
     fragments: Vec<Figure>,
     failures: &[String],
-    options: &ThesisOptions,
+    out: &Path,
 ) -> Result<PathBuf, LabError> {
-    let folder = options.out.join(FIGURES);
+    let folder = out.join(FIGURES);
     fs::create_dir_all(&folder).map_err(|e| LabError::file(&folder, e))?;
-    let study = study(measured, fragments, failures, options.quick, &folder)?;
-    let page = options.out.join("thesis.html");
+    let study = study(measured, fragments, failures, &folder)?;
+    let page = out.join("thesis.html");
     for (path, text) in
-        [(&page, html::study(&study)), (&options.out.join("thesis.md"), study.to_markdown(&format!("{FIGURES}/")))]
+        [(&page, html::study(&study)), (&out.join("thesis.md"), study.to_markdown(&format!("{FIGURES}/")))]
     {
         fs::write(path, text).map_err(|e| LabError::file(path, e))?;
     }
     Ok(page)
 }
 
-fn study(
-    measured: &[Measured],
-    fragments: Vec<Figure>,
-    failures: &[String],
-    quick: bool,
-    folder: &Path,
-) -> Result<Study, LabError> {
+fn study(measured: &[Measured], fragments: Vec<Figure>, failures: &[String], folder: &Path) -> Result<Study, LabError> {
     let (crowded, fragments): (Vec<Figure>, Vec<Figure>) =
         fragments.into_iter().partition(|figure| figure.file.contains("figure-5-6"));
     let scenes = Section {
@@ -62,12 +56,19 @@ fn study(
         tables: vec![tables::skip_thresholds(measured)],
         figures: [figures::skip(measured, folder)?, figures::som(measured, folder)?].concat(),
     };
-    let (most, compared) = (crowds::most(quick), crowds::compared(quick));
+    let mut compared = crowds::counts(measured);
+    let most = compared.pop().unwrap_or_default();
     let third = Section {
         heading: "Experiment 3: instances".into(),
         sentences: claims::crowds(measured, most),
         tables: [tables::crowds(measured, most), tables::motion(measured, &[most])].into_iter().flatten().collect(),
-        figures: [figures::crowds(measured, most, folder)?, figures::motion(measured, most, folder)?, crowded].concat(),
+        figures: [
+            figures::crowds(measured, most, folder)?,
+            figures::motion(measured, most, folder)?,
+            figures::upkeep(measured, &[most], folder)?,
+            crowded,
+        ]
+        .concat(),
     };
     let fourth = Section {
         heading: "Experiment 4: all methods".into(),
@@ -76,16 +77,17 @@ fn study(
             .into_iter()
             .flatten()
             .collect(),
-        figures: figures::methods(measured, &compared, folder)?,
+        figures: [figures::methods(measured, &compared, folder)?, figures::upkeep(measured, &compared, folder)?]
+            .concat(),
     };
     Ok(Study {
         title: "The experiments of \"Scene optimization for RTX\", repeated".into(),
-        sentences: introduction(measured, failures, quick),
+        sentences: introduction(measured, failures),
         sections: vec![scenes, first, second, third, fourth],
     })
 }
 
-fn introduction(measured: &[Measured], failures: &[String], quick: bool) -> Vec<String> {
+fn introduction(measured: &[Measured], failures: &[String]) -> Vec<String> {
     let mut said = vec![
         "T. Bilák's thesis (Czech Technical University in Prague, 2024) compares four ways to distribute a scene over \
          bottom-level acceleration structures. This page repeats its experiments and sets its numbers beside those \
@@ -103,9 +105,9 @@ fn introduction(measured: &[Measured], failures: &[String], quick: bool) -> Vec<
         if row.device_kind != "gpu" {
             said.push("These speeds were not measured on a GPU and do not predict GPU speed.".into());
         }
-    }
-    if quick {
-        said.push("This was a quick run: every picture is small and was traced once, so speeds are noise.".into());
+        if row.size == QUICK_SIZE {
+            said.push("This was a quick run: every picture is small and was traced once, so speeds are noise.".into());
+        }
     }
     said.extend(failures.iter().map(|why| format!("Not measured: {why}.")));
     said

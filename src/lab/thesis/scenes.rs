@@ -13,11 +13,16 @@ pub(super) struct Found {
     pub(super) of: Option<usize>,
     pub(super) name: String,
     pub(super) edition: Edition,
+    /// The file below the folder of scenes, as rows name it.
+    pub(super) model: String,
     pub(super) file: PathBuf,
 }
 
 /// Scenes that a quick run takes if the folder has none of the thesis.
 const QUICK_SCENES: usize = 3;
+
+/// What such a scene is.
+pub(super) const SAMPLE: Edition = Edition::Other("a sample in place of the thesis's scenes");
 
 /// Extensions of scenes.
 const EXTENSIONS: [&str; 3] = ["obj", "gltf", "glb"];
@@ -32,7 +37,8 @@ pub(super) fn find(folder: &Path, quick: bool) -> Result<Vec<Found>, LabError> {
     }
     let of_thesis = |(of, scene): (usize, &super::numbers::ThesisScene)| {
         let (file, edition) = scene.files.iter().find(|(file, _)| folder.join(file).is_file())?;
-        Some(Found { of: Some(of), name: scene.name.into(), edition: *edition, file: folder.join(file) })
+        let (name, model) = (scene.name.into(), (*file).to_owned());
+        Some(Found { of: Some(of), name, edition: *edition, model, file: folder.join(file) })
     };
     let mut found: Vec<Found> = SCENES.iter().enumerate().filter_map(of_thesis).collect();
     if found.is_empty() && quick {
@@ -61,11 +67,11 @@ fn largest(folder: &Path) -> Result<Vec<Found>, LabError> {
     files.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
     files.truncate(QUICK_SCENES);
     files.sort_by(|a, b| a.1.cmp(&b.1));
-    let edition = Edition::Other("a sample in place of the thesis's scenes");
     let named = |(_, file): (u64, PathBuf)| {
+        let model = file.strip_prefix(folder).unwrap_or(&file).display().to_string();
         let folder = file.parent().and_then(Path::file_name);
         let name = folder.or(file.file_stem()).map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        Found { of: None, name, edition, file }
+        Found { of: None, name, edition: SAMPLE, model, file }
     };
     Ok(files.into_iter().map(named).collect())
 }

@@ -202,6 +202,11 @@ pub(super) fn crowds(measured: &[Measured], instances: usize) -> Option<Table> {
     (!rows.is_empty()).then(|| Table { caption, head, rows, notes: editions(measured) })
 }
 
+/// What the columns of [`motion`] hold.
+const MOTION_NOTE: &str = "Update: to compute the matrices of all instances and hand them to the tracer. Speeds in motion are \
+                           of fewer rays per frame than at the start, with the camera of the scene; the last column is their \
+                           ratio to the speed through a TLAS built in each frame.";
+
 /// What the frames took in which instances move.
 pub(super) fn motion(measured: &[Measured], instances: &[usize]) -> Option<Table> {
     let shown = |of: &&Crowded| instances.contains(&of.instances) && of.row.motion.is_some();
@@ -242,12 +247,7 @@ pub(super) fn motion(measured: &[Measured], instances: &[usize]) -> Option<Table
         caption: format!("Instances that move, over {frames} frames; the TLAS is rebuilt every {interval} frames"),
         head: head.map(String::from).to_vec(),
         rows,
-        notes: vec![
-            "Update: to compute the matrices of all instances and hand them to the tracer. Speeds in motion are of fewer \
-             rays per frame than at the start, with the camera of the scene; the last column is their ratio to the speed \
-             through a TLAS built in each frame."
-                .into(),
-        ],
+        notes: [vec![MOTION_NOTE.into()], editions(measured)].concat(),
     })
 }
 
