@@ -76,6 +76,8 @@ fn mirrors_are_metals_of_their_specular_color() {
     assert_eq!((&chrome["metallicFactor"], &chrome["baseColorFactor"][1]), (&1.0.into(), &0.7.into()));
     assert_eq!(pbr("Kd 0.8\nKs 0.5\nKa 0.75\nNs 250\nillum 3\n")["metallicFactor"], 0.75);
     assert_eq!(pbr("Kd 0 0 0\nKs 0 0 0\nillum 5\n")["metallicFactor"], 0.0);
+    assert_eq!(pbr("Kd 0 0 0\nKs 0.95\nNs 20\nillum 5\n")["roughnessFactor"], 0.0);
+    assert_eq!(pbr("Kd 0 0 0\nKs 0.95\nNs 250\nillum 3\n")["roughnessFactor"], 0.5);
 }
 
 #[test]
@@ -94,6 +96,12 @@ fn glass_transmits_its_filter() {
     assert!(glass["alphaMode"].is_null());
     assert_eq!(glass["pbrMetallicRoughness"]["baseColorFactor"][1], 1.0);
     assert_eq!(glass["pbrMetallicRoughness"]["roughnessFactor"], 0.0);
+    let sphere = of("Kd 0.01\nKs 0.3\nTf 0.1 0.1 0.1\nNs 200\nNi 2.5\nillum 7\n");
+    assert_eq!(sphere["extensions"]["KHR_materials_transmission"], json!({"transmissionFactor": 0.9}));
+    assert_eq!(sphere["pbrMetallicRoughness"], json!({"metallicFactor": 0.0, "roughnessFactor": 0.0}));
+    let dyed = of("Kd 0.5\nTf 0.2 0.4 0.1\nNs 250\nillum 6\n");
+    assert_eq!(dyed["extensions"]["KHR_materials_transmission"], json!({"transmissionFactor": 0.4}));
+    assert_eq!(dyed["pbrMetallicRoughness"]["roughnessFactor"], 0.5);
     assert_eq!(of("d 0.25\nillum 4\n")["extensions"]["KHR_materials_transmission"]["transmissionFactor"], 0.75);
     assert!(of("d 1\nTf 1 1 1\nillum 9\n")["extensions"].is_null());
     assert!(of("d 1\nTf 0.5 0.5 0.5\nillum 2\n")["extensions"].is_null());
@@ -206,6 +214,25 @@ fn undefined_material_is_a_default_one_of_its_name() {
     let expected =
         "line 1: material library `none.mtl` not found\nmaterial `a b` is not defined: a default one takes its place\n";
     assert_eq!(warnings(&document), expected);
+}
+
+#[test]
+fn many_undefined_materials_are_one_warning() {
+    let faces = |count: usize| (0..count).map(|at| format!("usemtl m{at}\nf 1 2 3\n")).collect::<String>();
+    let document = read(&format!("{TRIANGLE}{}", faces(2)));
+    assert_eq!(warnings(&document), "materials `m0`, `m1` are not defined: default ones take their places\n");
+    let document = read(&format!("{TRIANGLE}{}", faces(1000)));
+    assert!(warnings(&document).ends_with("`m7` and 992 more are not defined: default ones take their places\n"));
+    assert_eq!(list(&document.json, "materials").len(), 1000);
+}
+
+#[test]
+fn names_of_another_case_are_taken_if_none_is_the_same() {
+    let text = format!("usemtl RED\n{TRIANGLE}usemtl Blue\nf 1 2 3\n");
+    let document = read_with_mtl(&text, "newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\nnewmtl Blue\nKd 0 0 0.5\n");
+    let color = |at: usize| document.json["materials"][at]["pbrMetallicRoughness"]["baseColorFactor"].clone();
+    assert_eq!([color(0), color(1)], [json!([1.0, 0.0, 0.0, 1.0]), json!([0.0, 0.0, 0.5, 1.0])]);
+    assert_eq!(warnings(&document), "");
 }
 
 #[test]

@@ -32,6 +32,8 @@ fn faces_outside_smoothing_groups_are_flat() {
     let normals = attribute(&document, 0, 0, "NORMAL");
     assert_eq!(normals.len(), 8);
     assert!(normals.iter().all(|n| (n[2] - 0.5f64.sqrt()).abs() < 1e-6));
+    let on = read(&format!("{ARCH}s on\nf 1 2 5 4\nf 2 3 6 5\n"));
+    assert_eq!(attribute(&on, 0, 0, "NORMAL").len(), 6);
     let flat = read(&format!("{ARCH}f 1 2 5 4\nf 2 3 6 5\n"));
     assert!(primitive(&flat, 0, 0)["attributes"]["NORMAL"].is_null());
 }
@@ -102,6 +104,16 @@ fn materials_of_open_surfaces_are_double_sided() {
             .clone()
     };
     assert_eq!((of(DoubleSided::Never), of(DoubleSided::Always)), (Value::Null, true.into()));
+}
+
+#[test]
+fn faces_without_a_material_get_one_if_all_are_double_sided() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\no a\nf 1 2 3\no b\nf 1 2 3\nl 1 2\n";
+    let document = with(text, |options| options.double_sided = DoubleSided::Always);
+    assert_eq!(document.json["materials"], json!([{"doubleSided": true}]));
+    let materials: Vec<_> = (0..3).map(|mesh| primitive(&document, mesh, 0)["material"].clone()).collect();
+    assert_eq!(materials, [0.into(), 0.into(), Value::Null]);
+    assert!(read(text).json["materials"].is_null());
 }
 
 #[test]

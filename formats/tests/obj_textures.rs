@@ -101,8 +101,44 @@ fn folders_to_search_come_last_and_files_outside_are_named() {
 
 #[test]
 fn options_that_change_the_picture_are_named() {
-    let (found, warnings) = uri("-mm 0.1 0.9 -t 1 a.png", "a.png");
-    assert_eq!((found, warnings.as_str()), ("a.png".into(), "glTF cannot express `-mm`, `-t`: kept in extras only\n"));
+    let (found, warnings) = uri("-t 1 a.png", "a.png");
+    assert_eq!((found, warnings.as_str()), ("a.png".into(), "glTF cannot express `-t`: kept in extras only\n"));
+    assert_eq!(textured("newmtl m\nmap_Kd -t 1 a.png\n").json["materials"][0]["extras"]["mtl"]["map_Kd"], "-t 1 a.png");
+}
+
+#[test]
+fn base_and_gain_become_part_of_the_picture() {
+    let row = encoded(image::RgbImage::from_raw(1, 1, vec![0, 100, 200]).expect("a pixel").into(), "png");
+    let mask = grey(&[0, 200]);
+    let mtl = b"newmtl m\nmap_Kd -mm 0.2 0.5 c.png\nmap_d -mm 1 -1 d.png\nmap_Ke -mm 0.2 0.5 c.png\n";
+    let document = read_files(&[("scene.obj", OBJ), ("scene.mtl", mtl), ("c.png", &row), ("d.png", &mask)]);
+    assert_eq!(pixels(&document, 0), [[51, 101, 151, 255], [51, 101, 151, 55]]);
+    assert_eq!(pixels(&document, 1), [[51, 101, 151, 255]]);
+    assert_eq!(warnings(&document), "");
+}
+
+#[test]
+fn channel_of_a_map_is_the_one_asked_for() {
+    let pixel = image::RgbaImage::from_raw(2, 1, vec![0, 30, 60, 255, 255, 40, 70, 255]).expect("a row");
+    let file = encoded(pixel.into(), "png");
+    let of = |mtl: &str| {
+        let mtl = format!("newmtl m\n{mtl}");
+        let document = read_files(&[("scene.obj", OBJ), ("scene.mtl", mtl.as_bytes()), ("a.png", &file)]);
+        assert_eq!(warnings(&document), "");
+        pixels(&document, 0)
+    };
+    assert_eq!(of("map_Kd a.png\nmap_d -imfchan r a.png\n"), [[0, 30, 60, 0], [255, 40, 70, 255]]);
+    let packed = of("map_Pr -imfchan b a.png\nmap_Pm -imfchan g a.png\n");
+    assert_eq!(packed, [[255, 60, 30, 255], [255, 70, 40, 255]]);
+    assert_eq!(of("map_Pr -imfchan r a.png\n"), [[255, 0, 255, 255], [255, 255, 255, 255]]);
+}
+
+#[test]
+fn other_words_for_maps_are_understood() {
+    let document = textured("newmtl m\nmap_Kd a.png\nmap_opacity a.png\nmap_emissive e.png\nmap_normal n.png\n");
+    let material = &document.json["materials"][0];
+    assert_eq!((&material["alphaMode"], &material["extras"]), (&"MASK".into(), &Value::Null));
+    assert!(material["emissiveTexture"].is_object() && material["normalTexture"].is_object());
 }
 
 #[test]
@@ -269,6 +305,7 @@ fn color_that_would_hide_its_map_is_white() {
     let black = |mtl: &str| textured(mtl).json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"].clone();
     assert_eq!(black("newmtl m\nKd 0 0 0\nmap_Kd a.png\n"), Value::Null);
     assert_eq!(black("newmtl m\nKd 0 0 0\n"), json!([0.0, 0.0, 0.0, 1.0]));
+    assert_eq!(black("newmtl m\nKd 0 0 0\nmap_d a.png\n"), json!([0.0, 0.0, 0.0, 1.0]));
 }
 
 #[test]

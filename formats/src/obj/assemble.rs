@@ -81,7 +81,7 @@ pub(super) fn assemble(
         roots = vec![nodes.len() - 1];
     }
     let (accessors, mut views, mut buffer) = streams.finish();
-    materials.note_unsaid(notes);
+    materials.note_lacks(notes);
     embed(&mut materials.textures, &mut views, &mut buffer);
 
     let mut root = Map::new();
@@ -125,6 +125,7 @@ fn assign(scan: &Scan, made: &mut [Made], materials: &mut Materials, notes: &mut
         let mut indices = Vec::with_capacity(made.primitives.len());
         for primitive in &mut made.primitives {
             let material = name.and_then(|name| materials.index(name, !primitive.texcoords.is_empty(), notes));
+            let material = if part.kind == Kind::Faces { material.or_else(|| materials.bare()) } else { material };
             if !primitive.colors.is_empty() && material.is_some_and(|material| materials.has_color_texture(material)) {
                 primitive.colors = Vec::new();
                 notes.add(String::new, "vertex colours under a texture left out: glTF would multiply both");

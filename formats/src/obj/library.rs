@@ -51,6 +51,8 @@ pub(super) struct Libraries {
     definitions: HashMap<String, Definition>,
     /// Names that are defined with a comment behind them, by the name without it.
     commented: HashMap<String, String>,
+    /// The first defined of the names that differ only in case, by their form in lower case.
+    any_case: HashMap<String, String>,
 }
 
 impl Libraries {
@@ -86,12 +88,16 @@ impl Libraries {
     }
 
     /// Returns the definition with the given name, and that name; a comment behind it is left out if the whole is not
-    /// defined.
+    /// defined, and its letters may be of another case if that is not, either.
     pub(super) fn get<'n>(&self, name: &'n str) -> Option<(&'n str, &Definition)> {
         let commented = |name: &str| self.commented.get(name).and_then(|whole| self.definitions.get(whole));
         let exact = |name: &str| self.definitions.get(name).or_else(|| commented(name));
         let of = |name: &'n str| exact(name).map(|definition| (name, definition));
-        of(name).or_else(|| of(without_comment(name)?))
+        let any_case = |name: &'n str| {
+            let defined = self.any_case.get(&name.to_lowercase())?;
+            self.definitions.get(defined).map(|definition| (name, definition))
+        };
+        of(name).or_else(|| of(without_comment(name)?)).or_else(|| any_case(name))
     }
 
     fn add(&mut self, file: &Path, files: &mut Files, notes: &mut Notes) {
@@ -115,6 +121,7 @@ impl Libraries {
             if let Some(name) = without_comment(&written) {
                 self.commented.entry(name.to_owned()).or_insert_with(|| written.clone());
             }
+            self.any_case.entry(written.to_lowercase()).or_insert_with(|| written.clone());
             match self.definitions.entry(written) {
                 Entry::Vacant(free) => {
                     _ = free.insert(Definition { values, statements, folder: folder.clone(), opacity });
@@ -206,7 +213,8 @@ impl Checked {
     }
 }
 
-/// Returns keywords in the case used by `tobj` and [`super::material`]; unknown ones as written.
+/// Returns keywords in the case used by `tobj` and [`super::material`], and other words for them as those; unknown ones
+/// as written.
 fn canonical(key: &str) -> &str {
     const KNOWN: [&str; 34] = [
         "Ka",
@@ -244,7 +252,16 @@ fn canonical(key: &str) -> &str {
         "refl",
         "sharpness",
     ];
-    KNOWN.into_iter().find(|known| known.eq_ignore_ascii_case(key)).unwrap_or(key)
+    const OTHER_WORDS: [(&str, &str); 6] = [
+        ("map_opacity", "map_d"),
+        ("map_emissive", "map_Ke"),
+        ("map_normal", "norm"),
+        ("map_norm", "norm"),
+        ("map_disp", "disp"),
+        ("map_refl", "refl"),
+    ];
+    let known = KNOWN.into_iter().map(|known| (known, known)).chain(OTHER_WORDS);
+    known.into_iter().find(|(word, _)| word.eq_ignore_ascii_case(key)).map_or(key, |(_, known)| known)
 }
 
 /// Returns the values of a statement in the form `tobj` reads; `None` if they do not suit the keyword.

@@ -47,6 +47,12 @@ pub(super) struct Materials {
     files: Files,
     /// Names of those that are seen from both sides.
     double_sided: HashSet<String>,
+    /// Whether faces without a material are seen from both sides, too.
+    bare_is_double_sided: bool,
+    /// The material of faces without one, if it was made.
+    bare: Option<usize>,
+    /// Names that no library defines, in order of first use.
+    undefined: Vec<String>,
     /// Keywords and options that glTF cannot express.
     unsaid: BTreeSet<String>,
     /// The materials made so far, by name and by whether faces have texture coordinates.
@@ -54,8 +60,14 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// Creates an empty list of materials from these libraries.
-    pub(super) fn of(libraries: Libraries, files: Files, double_sided: HashSet<String>) -> Self {
+    /// Creates an empty list of materials from these libraries; `bare_is_double_sided` says whether faces without a
+    /// material get one to be seen from both sides.
+    pub(super) fn of(
+        libraries: Libraries,
+        files: Files,
+        double_sided: HashSet<String>,
+        bare_is_double_sided: bool,
+    ) -> Self {
         let (list, textures, extensions) = Default::default();
         Materials {
             list,
@@ -64,6 +76,9 @@ impl Materials {
             libraries,
             files,
             double_sided,
+            bare_is_double_sided,
+            bare: None,
+            undefined: Vec::new(),
             unsaid: BTreeSet::new(),
             made: HashMap::new(),
         }
@@ -85,7 +100,7 @@ impl Materials {
             (None, Some(twin)) => return Some(twin),
             (None, None) if name.is_empty() => return None,
             (None, None) => {
-                notes.add(String::new, &format!("material `{name}` is not defined: a default one takes its place"));
+                self.undefined.push(name.to_owned());
                 json!({"name": name})
             }
         };
@@ -99,11 +114,35 @@ impl Materials {
         self.made.insert(key(textured), index);
         Some(index)
     }
+
+    /// Returns the material of faces without one: none unless they are to be seen from both sides.
+    pub(super) fn bare(&mut self) -> Option<usize> {
+        if self.bare.is_none() && self.bare_is_double_sided {
+            self.bare = Some(self.list.len());
+            self.list.push(json!({"doubleSided": true}));
+        }
+        self.bare
+    }
 }
 
 impl Materials {
-    /// Names what glTF cannot express.
-    pub(super) fn note_unsaid(&self, notes: &mut Notes) {
+    /// Names materials that are not defined, and what glTF cannot express.
+    pub(super) fn note_lacks(&self, notes: &mut Notes) {
+        const MOST_NAMES: usize = 8;
+        let names: Vec<String> = self.undefined.iter().take(MOST_NAMES).map(|name| format!("`{name}`")).collect();
+        let names = names.join(", ");
+        let message = match self.undefined.len() {
+            0 => None,
+            1 => Some(format!("material {names} is not defined: a default one takes its place")),
+            2..=MOST_NAMES => Some(format!("materials {names} are not defined: default ones take their places")),
+            n => {
+                let more = n - MOST_NAMES;
+                Some(format!("materials {names} and {more} more are not defined: default ones take their places"))
+            }
+        };
+        if let Some(message) = message {
+            notes.add(String::new, &message);
+        }
         if !self.unsaid.is_empty() {
             let keys: Vec<String> = self.unsaid.iter().map(|key| format!("`{key}`")).collect();
             notes.add(String::new, &format!("glTF cannot express {}: kept in extras only", keys.join(", ")));
@@ -184,7 +223,7 @@ impl<'a> Conversion<'a> {
         let mut out = Map::new();
         let texture = self.base_texture(mask);
         let base = look.base.or(self.definition.values.diffuse.map(single));
-        let unseen = base == Some([0.0; 3]) && texture.is_some();
+        let unseen = base == Some([0.0; 3]) && self.said.contains("map_Kd");
         let [r, g, b] = base.filter(|_| !unseen).unwrap_or([1.0; 3]).map(|c| c.clamp(0.0, 1.0));
         if !unseen {
             self.said.insert("Kd");
@@ -215,12 +254,13 @@ impl<'a> Conversion<'a> {
             return self.texture("map_Kd", text);
         }
         let found = color.as_ref().and_then(|color| self.find(color));
-        let key = format!("{}+{}", found.as_deref().unwrap_or(Path::new("")).display(), file.display());
+        let placed = color.as_ref().unwrap_or(statement);
+        let key = format!("{:?} with alpha {}", found.as_deref().map(|file| placed.key(file)), statement.key(file));
         let make = || {
-            let color = found.as_deref().map(picture::read).transpose()?;
+            let color = found.as_deref().map(|file| placed.picture(file)).transpose()?;
             Ok(picture::with_alpha(color.as_ref(), alpha))
         };
-        match self.materials.textures.made(&key, color.as_ref().unwrap_or(statement), make) {
+        match self.materials.textures.made(&key, file, placed, make) {
             Ok(info) => {
                 self.said.insert("map_d");
                 self.said.extend(found.is_some().then_some("map_Kd"));
@@ -238,11 +278,11 @@ impl<'a> Conversion<'a> {
         let text = self.definition.values.dissolve_texture.clone().filter(|_| self.textured)?;
         let statement = Statement::parse(&text);
         let color = self.definition.values.diffuse_texture.as_deref().map(|text| Statement::parse(text).file);
-        if color.as_ref() == Some(&statement.file) {
+        if color.as_ref() == Some(&statement.file) && statement.is_alpha() {
             return Some(Mask { statement, alpha: None, same_file: true });
         }
         let file = self.find(&statement)?;
-        let alpha = match picture::read(&file) {
+        let alpha = match statement.picture(&file) {
             Ok(image) => Some((file, Grey::of(&image, statement.channel))),
             Err(cause) => {
                 self.notes.add(String::new, &format!("`map_d` `{}` cannot be read: {cause}", statement.file));
@@ -257,9 +297,12 @@ impl<'a> Conversion<'a> {
     fn roughness_maps(&mut self, look: &Look, out: &mut Map<String, Value>) {
         let (pr, pm) = (self.scalar("Pr"), self.scalar("Pm").or(look.metallic));
         let [map_pr, map_pm] = ["map_Pr", "map_Pm"].map(|key| self.unknown(key).filter(|_| self.textured));
-        let file = |text: &Option<String>| text.as_deref().map(|text| Statement::parse(text).file);
-        let both = map_pr.is_some() && file(&map_pr) == file(&map_pm);
-        let rough_only = map_pr.is_some() && map_pm.is_none() && pm.unwrap_or(0.0) <= 0.0;
+        let [rough, metal] = [&map_pr, &map_pm].map(|text| text.as_deref().map(Statement::parse));
+        let lies = |of: &Option<Statement>, channel| of.as_ref().is_some_and(|of| of.may_be_read_from(channel));
+        let file = |of: &Option<Statement>| of.as_ref().map(|of| of.file.clone());
+        let is_rough = lies(&rough, Channel::Green);
+        let both = is_rough && lies(&metal, Channel::Blue) && file(&rough) == file(&metal);
+        let rough_only = is_rough && metal.is_none() && pm.unwrap_or(0.0) <= 0.0;
         let texture = match both || rough_only {
             true => self.texture("map_Pr", map_pr.clone()).map(|info| (info, true, both)),
             false => self.packed_maps(map_pr.as_deref(), map_pm.as_deref()),
@@ -268,7 +311,7 @@ impl<'a> Conversion<'a> {
         let [rough_map, metal_map] = texture.as_ref().map_or([false; 2], |(_, rough, metal)| [*rough, *metal]);
         let scalar = |value: Option<f32>, is_mapped: bool| value.filter(|value| !is_mapped || *value > 0.0);
         let metallic = scalar(pm, metal_map).unwrap_or(if metal_map { 1.0 } else { 0.0 });
-        let by_shininess = if look.is_sharp { sharp_roughness(shininess) } else { shininess.map_or(1.0, roughness) };
+        let by_shininess = look.roughness.unwrap_or_else(|| shininess.map_or(1.0, roughness));
         let rough = scalar(pr, rough_map).unwrap_or(if rough_map { 1.0 } else { by_shininess });
         self.said.extend(["Pr", "Pm"]);
         out.insert("metallicFactor".to_owned(), decimal(metallic.clamp(0.0, 1.0)));
@@ -291,14 +334,15 @@ impl<'a> Conversion<'a> {
         }
         let [rough, metal] = statements.each_ref().map(|statement| {
             let statement = statement.as_ref()?;
-            Some((self.find(statement)?, statement.channel))
+            Some((self.find(statement)?, statement.clone()))
         });
         if rough.is_none() && metal.is_none() {
             return None;
         }
         let exponent = self.definition.values.shininess.map_or(1000.0, |exponent| exponent as f32);
-        let read = |of: &Option<(PathBuf, Channel)>| {
-            of.as_ref().map(|(file, channel)| picture::read(file).map(|image| Grey::of(&image, *channel))).transpose()
+        let read = |of: &Option<(PathBuf, Statement)>| {
+            let grey = |(file, of): &(PathBuf, Statement)| of.picture(file).map(|image| Grey::of(&image, of.channel));
+            of.as_ref().map(grey).transpose()
         };
         let as_roughness = |value: u8| (255.0 * roughness(exponent * f32::from(value) / 255.0)).round() as u8;
         let shiny = map_ns.is_some();
@@ -306,9 +350,10 @@ impl<'a> Conversion<'a> {
             let rough_map = read(&rough)?.map(|grey| if shiny { grey.map(as_roughness) } else { grey });
             Ok(picture::packed(rough_map.as_ref(), read(&metal)?.as_ref()))
         };
-        let path = |of: &Option<(PathBuf, Channel)>| of.as_ref().map(|(file, _)| file.display().to_string());
-        let key = format!("{:?} {:?} {shiny} {exponent}", path(&rough), path(&metal));
-        match self.materials.textures.made(&key, &first, make) {
+        let key_of = |of: &Option<(PathBuf, Statement)>| of.as_ref().map(|(file, of)| of.key(file));
+        let key = format!("{:?} {:?} {shiny} {exponent}", key_of(&rough), key_of(&metal));
+        let name = rough.as_ref().or(metal.as_ref()).map_or(Path::new(""), |(file, _)| file);
+        match self.materials.textures.made(&key, name, &first, make) {
             Ok(info) => {
                 self.said.extend((shiny && rough.is_some()).then_some("map_Ns"));
                 Some((info, rough.is_some(), metal.is_some()))
@@ -459,13 +504,10 @@ impl<'a> Conversion<'a> {
                 "disp" | "decal" | "refl" | "bump" => true,
                 _ => key.starts_with("map_"),
             };
-            let is_map = key == "norm" || key == "bump" || key.starts_with("map_");
             if counts && self.textured && !self.said.contains(key.as_str()) {
                 self.materials.unsaid.insert(key.clone());
             }
-            if is_map {
-                self.materials.unsaid.extend(Statement::parse(rest).unsaid.into_iter().map(str::to_owned));
-            }
+            self.materials.unsaid.extend(unsaid_options(key, rest).into_iter().map(str::to_owned));
         }
     }
 
@@ -481,9 +523,16 @@ impl<'a> Conversion<'a> {
     /// Returns the statements that the glTF material does not express, the last of each keyword.
     fn unsaid(&self) -> Map<String, Value> {
         let statements = self.definition.statements.iter();
-        let unsaid = statements.filter(|(key, _)| !self.said.contains(key.as_str()));
+        let is_said = |key: &str, rest: &str| self.said.contains(key) && unsaid_options(key, rest).is_empty();
+        let unsaid = statements.filter(|(key, rest)| !is_said(key, rest));
         unsaid.map(|(key, rest)| (key.clone(), rest.clone().into())).collect()
     }
+}
+
+/// Returns the options of a map that glTF cannot express.
+fn unsaid_options(key: &str, rest: &str) -> Vec<&'static str> {
+    let is_map = key == "norm" || key == "bump" || key.starts_with("map_");
+    if is_map { Statement::parse(rest).unsaid } else { Vec::new() }
 }
 
 /// What `illum`, `Ks` and `Tf` say of a material beyond its diffuse colour.
@@ -495,9 +544,12 @@ struct Look {
     metallic: Option<f32>,
     /// The share of light that glass lets through.
     transmission: Option<f32>,
-    /// Whether reflections are sharp unless `Ns` says otherwise.
-    is_sharp: bool,
+    /// Roughness, if it is not that of a Phong highlight.
+    roughness: Option<f32>,
 }
+
+/// Colours below this are black.
+const BLACK: f32 = 0.04;
 
 impl Look {
     fn of(definition: &Definition, textured: bool) -> Look {
@@ -512,15 +564,22 @@ impl Look {
         }
         let is_mirror = matches!(illum, 3 | 5) && most(ks) > most(kd) && !has_map;
         // Polished metal in the Phong model: nothing but a highlight, which glTF would show black.
-        let is_metal = most(kd) < 0.04 && most(ks) >= 0.25 && !has_map;
+        let is_metal = most(kd) < BLACK && most(ks) >= 0.25 && !has_map;
+        let sharp = sharp_roughness(values.shininess.map(|exponent| exponent as f32));
         if is_mirror || is_metal {
-            let is_sharp = matches!(illum, 3 | 5);
-            return Look { base: Some(ks), metallic: Some(1.0), is_sharp, transmission: None };
+            // `illum 5` asks for traced reflections, which are perfect whatever the highlight.
+            let roughness = match illum {
+                5 => Some(0.0),
+                3 => Some(sharp),
+                _ => None,
+            };
+            return Look { base: Some(ks), metallic: Some(1.0), roughness, transmission: None };
         }
         // Blender writes the metalness into `Ka` of materials with `illum 3`.
         let blender =
             values.ambient.map(single).filter(|[r, g, b]| illum == 3 && r == g && g == b && *r < 1.0 && *r > 0.0);
-        Look { metallic: blender.map(|[metallic, ..]| metallic), is_sharp: illum == 5, ..Look::default() }
+        let roughness = (illum == 5).then_some(sharp);
+        Look { metallic: blender.map(|[metallic, ..]| metallic), roughness, ..Look::default() }
     }
 
     /// Glass by `illum` 4, 6, 7 and 9, which exporters also write for opaque materials.
@@ -534,11 +593,18 @@ impl Look {
         if !matches!(illum, 4 | 6 | 7 | 9) || !(refracts || is_filtered || opacity < 1.0) {
             return None;
         }
+        let most = |color: [f32; 3]| color.into_iter().fold(0.0, f32::max).clamp(0.0, 1.0);
         let filter = filter.filter(|filter| *filter != [0.0; 3]).unwrap_or([1.0; 3]);
-        let most = filter.into_iter().fold(0.0, f32::max).clamp(0.0, 1.0);
+        let is_black = values.diffuse.is_some_and(|kd| most(single(kd)) < BLACK);
+        // Some exporters write 1 - transparency, as of the spheres of the Cornell boxes. What neither scatters nor lets
+        // light through is not glass.
+        let filter = if refracts && is_black && most(filter) < 0.5 { filter.map(|c| 1.0 - c) } else { filter };
+        let most = most(filter);
         let transmission = if opacity < 1.0 && !refracts && !is_filtered { 1.0 - opacity } else { most };
         let base = (!has_map).then(|| filter.map(|c| (c / filter.into_iter().fold(0.0, f32::max)).clamp(0.0, 1.0)));
-        Some(Look { base, metallic: None, transmission: Some(transmission), is_sharp: true })
+        // `illum 7` asks for traced refraction, which is perfect whatever the highlight.
+        let roughness = if illum == 7 { 0.0 } else { sharp_roughness(values.shininess.map(|x| x as f32)) };
+        Some(Look { base, metallic: None, transmission: Some(transmission), roughness: Some(roughness) })
     }
 }
 

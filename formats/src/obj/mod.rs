@@ -108,7 +108,8 @@ fn parsed(path: &Path, source: Source<'_>, mut files: Files, options: &ObjOption
     let libraries = Libraries::load(&scan.libraries, &scan.materials, &mut files, &mut notes);
     normals::apply(&scan, &mut models, options.normals);
     let open = materials_of_open_surfaces(&scan, &models, options.double_sided);
-    let materials = Materials::of(libraries, files, open);
+    let bare_is_double_sided = options.double_sided == DoubleSided::Always;
+    let materials = Materials::of(libraries, files, open, bare_is_double_sided);
     let frame = Frame { z_up: options.z_up, unit: options.unit.unwrap_or(1.0) };
     let Assembled { json, buffer, residuals } = assemble::assemble(&scan, models, frame, materials, &mut notes);
     let buffers = if buffer.is_empty() { Vec::new() } else { vec![buffer.into()] };

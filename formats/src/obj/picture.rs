@@ -111,6 +111,19 @@ pub(super) fn with_alpha(color: Option<&DynamicImage>, alpha: &Grey) -> DynamicI
     DynamicImage::from(image::RgbaImage::from_fn(size.0, size.1, pixel))
 }
 
+/// Returns an image of 8 bits per channel whose colours are `base` plus `gain` times those of another.
+pub(super) fn with_levels(image: &DynamicImage, [base, gain]: [f64; 2]) -> DynamicImage {
+    let mut out = image.to_rgba16();
+    for pixel in out.pixels_mut() {
+        for value in &mut pixel.0[..3] {
+            let level = base + gain * f64::from(*value) / f64::from(u16::MAX);
+            *value = (level.clamp(0.0, 1.0) * f64::from(u16::MAX)).round() as u16;
+        }
+    }
+    let out = DynamicImage::from(out);
+    if image.color().has_alpha() { out.to_rgba8().into() } else { out.to_rgb8().into() }
+}
+
 /// Packs roughness and metalness into the green and blue channel, where glTF has them; 1 for a missing one.
 pub(super) fn packed(rough: Option<&Grey>, metal: Option<&Grey>) -> DynamicImage {
     let size = larger(rough.map_or((1, 1), |grey| grey.size), metal.map_or((1, 1), |grey| grey.size));

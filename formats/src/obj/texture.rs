@@ -26,6 +26,8 @@ pub(super) struct Statement {
     pub(super) strength: f64,
     /// `-imfchan`: the channel of a map of one number.
     pub(super) channel: Channel,
+    /// `-mm`, unless it changes nothing: the base, and the gain by which the colours of the picture are multiplied.
+    levels: Option<[f64; 2]>,
     /// Options that change the picture and that glTF has no notion of.
     pub(super) unsaid: Vec<&'static str>,
 }
@@ -40,6 +42,7 @@ impl Statement {
             clamp: false,
             strength: 1.0,
             channel: Channel::Usual,
+            levels: None,
             unsaid: Vec::new(),
         };
         let mut rest = out.options(text);
@@ -76,7 +79,7 @@ impl Statement {
             "-bm" => self.strength = number(0).unwrap_or(1.0),
             "-clamp" => self.clamp = arguments.first().is_some_and(|word| word.eq_ignore_ascii_case("on")),
             "-imfchan" => self.channel = channel(arguments.first().copied().unwrap_or_default()),
-            "-mm" if (number(0), number(1)) != (Some(0.0), Some(1.0)) => self.unsaid.push("-mm"),
+            "-mm" => self.levels = number(0).zip(number(1)).map(Into::into).filter(|levels| *levels != [0.0, 1.0]),
             "-t" if (0..3).any(|i| number(i).is_some_and(|x| x != 0.0)) => self.unsaid.push("-t"),
             _ => {}
         }
@@ -186,18 +189,21 @@ impl Textures {
         notes: &mut Notes,
     ) -> Option<Value> {
         let found = find(base, &statement.file, files, notes)?;
-        let source = match allowed(&found) {
+        let source = match allowed(&found).filter(|_| statement.levels.is_none()) {
             Some(mime) if found.to_str().is_none() => {
                 // A URI cannot name this file.
-                self.embed(&found.to_string_lossy(), || std::fs::read(&found).map_err(|e| e.to_string()), mime)
+                let bytes = || std::fs::read(&found).map_err(|e| e.to_string());
+                self.embed(&found.to_string_lossy(), &found, bytes, mime)
             }
             Some(_) => Ok(self.images.number(json!({"uri": files.uri(&found)}))),
-            None => self.embed(&found.to_string_lossy(), || picture::png(&picture::read(&found)?), "image/png"),
+            None => {
+                self.embed(&statement.key(&found), &found, || picture::png(&statement.picture(&found)?), "image/png")
+            }
         };
         match source {
             Ok(source) => Some(self.place(source, statement)),
             Err(cause) => {
-                let message = "is neither PNG nor JPEG and cannot be converted";
+                let message = "cannot be converted to PNG";
                 let file = &statement.file;
                 notes.add(String::new, &format!("texture `{file}` {message}, kept by name in extras only: {cause}"));
                 None
@@ -205,18 +211,19 @@ impl Textures {
         }
     }
 
-    /// Returns the `textureInfo` of an image that is made of others; the statement places it. `key` names what it is made
-    /// of.
+    /// Returns the `textureInfo` of an image that is made of others; the statement places it. `key` tells what it is made
+    /// of, and `name` is the file that it is named after.
     ///
     /// # Errors
     /// Says why it cannot be made.
     pub(super) fn made(
         &mut self,
         key: &str,
+        name: &Path,
         statement: &Statement,
         make: impl FnOnce() -> Result<DynamicImage, String>,
     ) -> Result<Value, String> {
-        let source = self.embed(key, || picture::png(&make()?), "image/png")?;
+        let source = self.embed(key, name, || picture::png(&make()?), "image/png")?;
         Ok(self.place(source, statement))
     }
 
@@ -224,6 +231,7 @@ impl Textures {
     fn embed(
         &mut self,
         key: &str,
+        name: &Path,
         bytes: impl FnOnce() -> Result<Vec<u8>, String>,
         mime: &str,
     ) -> Result<usize, String> {
@@ -233,7 +241,7 @@ impl Textures {
         let bytes = bytes();
         let index = bytes.map(|bytes| {
             self.embedded.push(bytes);
-            let name = Path::new(key).file_stem().unwrap_or_default().to_string_lossy();
+            let name = name.file_stem().unwrap_or_default().to_string_lossy();
             self.images.number(json!({"name": name, "mimeType": mime, "bufferView": self.embedded.len() - 1}))
         });
         self.made.insert(key.to_owned(), index.as_ref().ok().copied());
@@ -257,6 +265,30 @@ impl Textures {
 }
 
 impl Statement {
+    /// Reads the picture from a file, with its levels.
+    ///
+    /// # Errors
+    /// Says why it cannot be read.
+    pub(super) fn picture(&self, file: &Path) -> Result<DynamicImage, String> {
+        let image = picture::read(file)?;
+        Ok(self.levels.map(|levels| picture::with_levels(&image, levels)).unwrap_or(image))
+    }
+
+    /// Tells apart what is read from a file.
+    pub(super) fn key(&self, file: &Path) -> String {
+        format!("{} {:?} {:?}", file.display(), self.channel, self.levels)
+    }
+
+    /// Whether a map of one number is the alpha of its picture, as far as the options say.
+    pub(super) fn is_alpha(&self) -> bool {
+        matches!(self.channel, Channel::Usual | Channel::Alpha) && self.levels.is_none()
+    }
+
+    /// Whether a map of one number may be read from that channel of its picture.
+    pub(super) fn may_be_read_from(&self, channel: Channel) -> bool {
+        self.channel == Channel::Usual || self.channel == channel
+    }
+
     /// Whether two textures lie alike on a surface.
     pub(super) fn lies_as(&self, other: &Statement) -> bool {
         (self.scale, self.offset, self.clamp) == (other.scale, other.offset, other.clamp)

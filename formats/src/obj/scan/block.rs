@@ -311,8 +311,11 @@ impl Scanner {
     }
 }
 
-/// Returns the number of a smoothing group; 0 for `off` and anything that is no number.
+/// Returns the number of a smoothing group: 1 for `on`, 0 for `off` and anything else that is no number.
 fn smoothing_group(word: &str) -> u32 {
+    if word.eq_ignore_ascii_case("on") {
+        return 1;
+    }
     word.parse::<i64>().map_or(0, |group| group.unsigned_abs() as u32)
 }
 
