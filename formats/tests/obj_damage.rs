@@ -23,6 +23,17 @@ fn bad_faces_are_left_out_and_the_first_is_named() {
 }
 
 #[test]
+fn nothing_but_bad_faces_is_refused() {
+    for (faces, message) in [
+        ("f 1 2 4\nf 1 2 0\n", "line 4: a face refers to vertex 4, the file has 3"),
+        ("l 1 2\nf 0 1 2\n", "line 5: a face refers to vertex 0; indices start at 1"),
+    ] {
+        let error = try_read(&[("scene.obj", format!("{CORNERS}{faces}").as_bytes())]);
+        assert!(error.expect_err("no face").to_string().ends_with(message), "{faces}");
+    }
+}
+
+#[test]
 fn faces_before_their_vertices_are_no_damage() {
     let document = read(&format!("f 1 2 3\n{CORNERS}f 1 2 4\nf 1 2 5\nv 1 1 0\n"));
     assert_eq!(triangle_count(&document), 2);

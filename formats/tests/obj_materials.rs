@@ -75,6 +75,8 @@ fn mirrors_are_metals_of_their_specular_color() {
     let chrome = pbr("Kd 0 0 0\nKs 0.8 0.7 0.6\nNs 30\nillum 2\n");
     assert_eq!((&chrome["metallicFactor"], &chrome["baseColorFactor"][1]), (&1.0.into(), &0.7.into()));
     assert_eq!(pbr("Kd 0.8\nKs 0.5\nKa 0.75\nNs 250\nillum 3\n")["metallicFactor"], 0.75);
+    assert_eq!(pbr("Kd 0.8\nKs 0.5\nKa 1\nNs 250\nillum 3\n")["metallicFactor"], 1.0);
+    assert_eq!(pbr("Kd 0.8\nKs 0.25\nKa 1\nNs 250\nillum 3\n")["metallicFactor"], 0.0);
     assert_eq!(pbr("Kd 0 0 0\nKs 0 0 0\nillum 5\n")["metallicFactor"], 0.0);
     assert_eq!(pbr("Kd 0 0 0\nKs 0.95\nNs 20\nillum 5\n")["roughnessFactor"], 0.0);
     assert_eq!(pbr("Kd 0 0 0\nKs 0.95\nNs 250\nillum 3\n")["roughnessFactor"], 0.5);

@@ -80,8 +80,9 @@ fn truncated_json_is_refused_with_line_and_column() {
 
 #[test]
 fn wrong_magic_is_refused() {
-    assert_refused("picture.glb", b"\x89PNG\r\n\x1a\n----------------", &["magic"]);
-    assert_refused("text.gltf", "solid cube", &["magic"]);
+    assert_refused("picture.glb", b"\x89PNG\r\n\x1a\n----------------", &["looks like an image"]);
+    assert_refused("text.gltf", "solid cube", &["looks like an STL model"]);
+    assert_refused("letter.gltf", "Dear reader", &["magic"]);
 }
 
 #[test]

@@ -20,6 +20,7 @@ mod closed;
 mod encoding;
 mod files;
 mod library;
+mod look;
 mod material;
 mod mesh;
 mod normals;

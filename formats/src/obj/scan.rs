@@ -138,7 +138,7 @@ impl Scan {
     ///
     /// # Errors
     /// Names the first line with a malformed position; if `strict`, the first with anything malformed or out of range,
-    /// which is otherwise left out with a warning.
+    /// which is otherwise left out with a warning unless nothing else is there.
     pub(super) fn of(
         texts: Vec<String>,
         strict: bool,

@@ -147,6 +147,12 @@ impl<'n> Merge<'n> {
         if let Some((line, cause)) = face::beyond(&self.largest, self.tally.counts) {
             return Err(Fault { line, cause });
         }
+        let has_faces = self.scan.parts.iter().any(|part| part.kind == Kind::Faces);
+        if let [Damage { line, cause, count: 1.. }, ..] = &self.damage
+            && !has_faces
+        {
+            return Err(Fault { line: *line, cause: cause.clone() });
+        }
         let left_out = ["the face is left out", "it counts as missing", "it counts as missing"];
         for (damage, done) in self.damage.iter().zip(left_out) {
             self.notes.add_many(|| place(damage.line), &format!("{}: {done}", damage.cause), damage.count);
@@ -154,7 +160,7 @@ impl<'n> Merge<'n> {
         let missing = elements::missing(context.has_texcoords, context.has_normals);
         self.statements.elements.extend(missing.map(|line| Bytes::from_static(line.as_bytes())));
         self.scan.full_color = self.tally.full_color(self.notes);
-        if !self.scan.parts.iter().any(|part| part.kind == Kind::Faces) {
+        if !has_faces {
             self.notes.add(String::new, "no faces");
         }
         Ok((self.scan, self.statements))
