@@ -32,6 +32,7 @@ mod lab;
 #[cfg(feature = "lab")]
 mod motion;
 mod mutations;
+mod obj;
 mod page;
 mod peers;
 mod plans;
