@@ -38,11 +38,29 @@ has_chromium() {
   command -v chromium >/dev/null
 }
 
+# Tools that build examples/pipeline, and Slurm: program and package of Debian.
+PIPELINE_TOOLS=(make:make pgrep:procps ninja:ninja-build cmake:cmake bazel:bazel-bootstrap slurmctld:slurmctld slurmd:slurmd sbatch:slurm-client)
+
+# Packages of the tools that are missing.
+missing_pipeline_tools() {
+  local tool
+  for tool in "${PIPELINE_TOOLS[@]}"; do
+    PATH=$PATH:/usr/sbin command -v "${tool%%:*}" >/dev/null || echo "${tool##*:}"
+  done
+}
+
+# Packages of PyPI: Open Job Description, and what builds and tests the wheel.
+has_python_packages() {
+  [ -x target/python/bin/openjd ] && cmp -s tests/pipeline/requirements.txt target/python/requirements.txt
+}
+
 # Lists what the tests need and this machine lacks, one per line, with what `--install` does about it.
 missing() {
   has_node || echo "Node.js and npm: apt-get install nodejs npm"
   has_packages || echo "the Khronos glTF validator, Playwright and other packages of tests/package.json: npm ci, into target/npm"
   has_chromium || echo "chromium: apt-get install chromium"
+  [ -z "$(missing_pipeline_tools)" ] || echo "tools for tests/pipeline: apt-get install $(missing_pipeline_tools | xargs)"
+  has_python_packages || echo "packages of tests/pipeline/requirements.txt: pip install, into target/python"
   sh tests/install_vulkan.sh --missing
 }
 
@@ -66,8 +84,22 @@ install_packages() {
   mkdir -p target/npm && cp tests/package.json tests/package-lock.json target/npm/ && (cd target/npm && npm ci)
 }
 
+install_pipeline_tools() {
+  local packages
+  packages=$(missing_pipeline_tools)
+  # shellcheck disable=SC2086 # a package is a word
+  [ -z "$packages" ] || DEBIAN_FRONTEND=noninteractive install_debian $packages
+}
+
+install_python_packages() {
+  has_python_packages && return
+  python3 -m venv target/python && target/python/bin/pip install --quiet --requirement tests/pipeline/requirements.txt &&
+    cp tests/pipeline/requirements.txt target/python/
+}
+
 install_missing() {
-  install_node && install_packages && install_chromium && node --version && sh tests/install_vulkan.sh
+  install_node && install_packages && install_chromium && node --version && install_pipeline_tools &&
+    install_python_packages && sh tests/install_vulkan.sh
 }
 
 # Checks each feature alone, and none: the library, the examples and, with `cli`, the program.
@@ -114,8 +146,17 @@ checks() {
   step "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --workspace --locked
 }
 
+# The program in build tools and on farms.
+pipeline() {
+  local name
+  for name in build_tools openjd slurm; do
+    bash "tests/pipeline/$name.sh" target/debug/raykiln || return
+  done
+}
+
 tests() {
   step "tests" cargo test --workspace --locked --no-fail-fast
+  step "pipeline" pipeline
 }
 
 # Runs the checks beside the tests, in a folder of their own as two builds cannot share one: much of either uses one
