@@ -71,6 +71,42 @@ pub(super) fn decide(candidates: &[Candidate], verify: &VerifyOptions, bounds: &
     Decision { winner, why, outcomes, keeps, may_be_left_alone, needs_judging }
 }
 
+/// A layout that was timed, and may win.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Timed {
+    /// Its number.
+    pub(super) id: usize,
+    /// Its speed over the input's in the views that choose.
+    pub(super) speed: Overall,
+    /// That in the views that judge, if it was the fastest.
+    pub(super) judged: Option<Overall>,
+    /// Predicted bytes of acceleration structures.
+    pub(super) as_bytes: u64,
+}
+
+/// Returns the fastest layout, or the smallest of those that are as fast; `None` if none is faster than the input, unless the
+/// input must change.
+pub(super) fn fastest(timed: &[Timed], must_change: bool, least_view_ratio: f64) -> Option<Timed> {
+    let is_judged_slower = |timed: &Timed| is_judged_slower(timed.judged.as_ref(), least_view_ratio);
+    let judged_slower = timed.iter().filter(|timed| is_judged_slower(timed)).count();
+    let may_win = |timed: &&Timed| {
+        let is_faster = is_faster(&timed.speed, least_view_ratio) && !is_judged_slower(timed);
+        must_change || is_faster && judged_slower < MOST_JUDGED
+    };
+    let best = timed.iter().filter(may_win).map(|timed| timed.speed.sure_ratio()).fold(0.0, f64::max);
+    let equal = timed.iter().filter(may_win).filter(|timed| timed.speed.sure_ratio() >= (1.0 - EQUAL) * best);
+    equal.min_by_key(|timed| timed.as_bytes).copied()
+}
+
+fn is_faster(speed: &Overall, least_view_ratio: f64) -> bool {
+    speed.is_never_slower(least_view_ratio) && speed.speedup_ratio > 1.0 + EQUAL
+}
+
+/// Whether a layout was judged and not found faster.
+fn is_judged_slower(judged: Option<&Overall>, least_view_ratio: f64) -> bool {
+    judged.is_some_and(|judged| !judged.is_never_slower(least_view_ratio))
+}
+
 /// Candidates, and how each exceeds the bounds.
 struct Choice<'a> {
     candidates: &'a [Candidate],
@@ -101,12 +137,12 @@ impl Choice<'_> {
     }
 
     fn is_faster(&self, speed: &Overall) -> bool {
-        speed.is_never_slower(self.verify.least_view_ratio) && speed.speedup_ratio > 1.0 + EQUAL
+        is_faster(speed, self.verify.least_view_ratio)
     }
 
     /// Whether a candidate was judged and not found faster.
     fn is_judged_slower(&self, i: usize) -> bool {
-        self.candidates[i].judged.is_some_and(|judged| !judged.is_never_slower(self.verify.least_view_ratio))
+        is_judged_slower(self.candidates[i].judged.as_ref(), self.verify.least_view_ratio)
     }
 
     /// Returns the cheapest of the given candidates; the first if several are equal.
@@ -118,16 +154,14 @@ impl Choice<'_> {
         let timed = || (0..self.candidates.len()).filter_map(|i| Some((i, self.speed(i)?)));
         let must_change = !self.is_allowed(0);
         let judged_slower = (0..self.candidates.len()).filter(|&i| self.is_judged_slower(i)).count();
-        let may_win = |i: usize, speed: &Overall| {
-            let is_faster = self.is_faster(speed) && !self.is_judged_slower(i) && judged_slower < MOST_JUDGED;
-            self.is_allowed(i) && (must_change || is_faster)
+        let of = |(i, speed)| {
+            let Candidate { judged, predicted, .. } = &self.candidates[i];
+            Timed { id: i, speed, judged: *judged, as_bytes: predicted.as_bytes }
         };
-        let allowed: Vec<(usize, Overall)> = timed().filter(|(i, speed)| may_win(*i, speed)).collect();
-        let best = allowed.iter().map(|f| f.1.sure_ratio()).fold(0.0, f64::max);
-        let equal = allowed.into_iter().filter(|f| f.1.sure_ratio() >= (1.0 - EQUAL) * best);
-        let equal = equal.map(|(i, speed)| (i, speed.speedup_ratio));
+        let allowed: Vec<Timed> = timed().filter(|(i, _)| self.is_allowed(*i)).map(of).collect();
+        let best = fastest(&allowed, must_change, self.verify.least_view_ratio);
         let refused = || timed().find(|(i, speed)| !self.is_allowed(*i) && self.is_faster(speed)).map(|(i, _)| i);
-        match (equal.min_by_key(|f| self.candidates[f.0].predicted.as_bytes), refused()) {
+        match (best.map(|best| (best.id, best.speed.speedup_ratio)), refused()) {
             (Some((i, speedup_ratio)), _) if must_change => {
                 (i, Why::MeasuredBestAllowed { speedup_ratio, input: self.excess(0) })
             }

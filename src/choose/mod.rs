@@ -10,6 +10,7 @@ pub(crate) mod applies;
 mod bounds;
 mod candidate;
 mod decide;
+mod elsewhere;
 mod evaluate;
 pub mod model;
 mod outcome;
@@ -37,6 +38,7 @@ use bounds::Bounds;
 pub(crate) use candidate::{Candidate, written};
 use candidate::{Laid, lay_out};
 use decide::Decision;
+pub use elsewhere::{Contender, RacedContenders, race_contenders};
 pub(crate) use evaluate::{Duplicate, Evaluated, Evaluator};
 use model::Class;
 pub use outcome::{CandidateResult, DecidedBy, Excess, GroupCause, Note, Origin, Outcome, Selection, Why};
@@ -100,6 +102,8 @@ pub struct ChooseOptions {
     pub forbidden: Forbidden,
     /// What `auto` decided before and shall not decide again.
     pub decided: Option<Decided>,
+    /// Whether `auto` also returns the candidates that are worth timing ([`Chosen::contenders`]), to be timed elsewhere.
+    pub export: bool,
     /// How many rays of each kind `auto` ranks candidates by; `None`: as many as suit the effort.
     pub(crate) ranking_rays: Option<usize>,
 }
@@ -132,6 +136,8 @@ pub struct Chosen {
     pub may_be_left_alone: bool,
     /// What the layout was chosen with: pins of instances that could not be written out within the position error allowed.
     pub overlay: Overlay,
+    /// The allowed candidates that a device would time, if [`ChooseOptions::export`] asks for them.
+    pub contenders: Vec<Contender>,
     bounds: Bounds,
 }
 
@@ -246,6 +252,10 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let Evaluated { mut candidates, duplicates, placed } = choosing.evaluate(scene, &plans);
     let start = Instant::now();
     let contenders = decide::contenders(&candidates, options.effort);
+    let exported = match options.export {
+        true => elsewhere::contenders(scene, &candidates, &contenders, &placed, &bounds),
+        false => Vec::new(),
+    };
     let mut raced = choosing.race(scene, &mut candidates, &contenders, Timing::Full);
     if let Ok(count) = &mut raced {
         *count += choosing.refine(scene, &mut candidates, &bounds);
@@ -268,7 +278,8 @@ fn best(scene: &Scene, choosing: &Choosing, bounds: Bounds) -> Chosen {
     let pinned = scene.overlaid(&winner.laid.overlay);
     let origin = if decision.keeps { Origin::Chosen(winner.plan.method) } else { Origin::NoneKeeps };
     let found = Found { selection, passes, may_be_left_alone: decision.may_be_left_alone };
-    finish(&pinned, winner.laid, &placed, found, bounds, verify).with_notes(&pinned, origin)
+    let chosen = finish(&pinned, winner.laid, &placed, found, bounds, verify).with_notes(&pinned, origin);
+    Chosen { contenders: exported, ..chosen }
 }
 
 /// What came of all candidates, and of the plans that come to another one only because rounding must not move vertices too
@@ -420,5 +431,6 @@ fn finish(
     passes.extend(laid.passes);
     let (pass, trees) = passes::order(scene, &mut layout, placed);
     passes.push(pass);
-    Chosen { layout, trees, selection, passes, notes, may_be_left_alone, overlay: laid.overlay, bounds }
+    let contenders = Vec::new();
+    Chosen { layout, trees, selection, passes, notes, may_be_left_alone, overlay: laid.overlay, contenders, bounds }
 }

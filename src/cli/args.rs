@@ -1,8 +1,9 @@
 //! The arguments, as clap reads them; they become options of the library and stop here.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use raykiln_formats::document::Compression;
 use raykiln_formats::{DoubleSided, ObjNormals, ObjOptions};
@@ -32,7 +33,12 @@ const MOST_THREADS: i64 = 512;
 /// Bakes scenes for hardware ray tracing: decides which triangles share a bottom-level acceleration structure
 /// (BLAS), writes glTF whose meshes, primitives and nodes say so, and proves that the result shows the same surfaces.
 #[derive(Debug, Parser)]
-#[command(version, name = "raykiln", max_term_width = 110)]
+#[command(
+    version,
+    name = "raykiln",
+    max_term_width = 110,
+    after_help = "`raykiln --version --json` prints version, build and features for programs."
+)]
 pub(super) struct Arguments {
     #[command(flatten)]
     pub(super) output: Output,
@@ -61,6 +67,9 @@ pub(super) enum Command {
     /// Bake many assets: patterns, lists or a manifest; what is unchanged is not baked again
     #[command(after_help = super::batch::EXAMPLES)]
     Batch(Box<super::batch::BatchArguments>),
+    /// Time the candidates that `bake --export-candidates` wrote on this machine's GPU, and name the winner
+    #[command(after_help = super::time::EXAMPLES)]
+    Time(super::time::TimeArguments),
     /// Trace the same rays through two files of one scene and compare the hits
     #[command(after_help = VERIFY_EXAMPLES)]
     Verify(Box<CompareArguments>),
@@ -97,9 +106,12 @@ impl Command {
     /// Whether it reads scenes, and so may stage files.
     pub(super) fn reads_scenes(&self) -> bool {
         match self {
-            Command::Bake(_) | Command::Batch(_) | Command::Verify(_) | Command::Inspect(_) | Command::Render(_) => {
-                true
-            }
+            Command::Bake(_)
+            | Command::Batch(_)
+            | Command::Time(_)
+            | Command::Verify(_)
+            | Command::Inspect(_)
+            | Command::Render(_) => true,
             #[cfg(feature = "lab")]
             Command::Lab(_) => true,
             Command::Devices { .. } | Command::Cache { .. } | Command::Completions { .. } | Command::Man => false,
@@ -160,9 +172,13 @@ pub(super) struct BakeArguments {
     /// Also write the decision, with every option and the hash of the input, to FILE (.json)
     #[arg(long, value_name = "FILE")]
     pub(super) write_plan: Option<PathBuf>,
-    /// Make the same bytes as the bake that wrote FILE, without a device and without deciding anything
+    /// Make the same bytes as the bake that wrote FILE, without a device and without deciding anything; from a folder of
+    /// candidates that `raykiln time` has timed, the winner
     #[arg(long, value_name = "FILE", conflicts_with = "write_plan")]
     pub(super) plan: Option<PathBuf>,
+    /// auto: also write the candidates that a GPU would time, with a plan each, to a new folder DIR, for `raykiln time`
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["plan", "cache"])]
+    pub(super) export_candidates: Option<PathBuf>,
     /// Also write to FILE which files the output was made from, as a rule for Make and Ninja
     #[arg(long, value_name = "FILE")]
     pub(super) depfile: Option<PathBuf>,
@@ -606,8 +622,15 @@ fn positive_ratio(text: &str) -> Result<f64, String> {
 impl BakeArguments {
     /// What the library needs to know.
     pub(super) fn options(&self) -> Result<BakeOptions> {
-        let plan = if self.write_plan.is_some() { PlanUse::Write } else { PlanUse::Neither };
-        Ok(BakeOptions { plan, ..self.options.options()? })
+        let exports = self.export_candidates.is_some();
+        let plan = if self.write_plan.is_some() || exports { PlanUse::Write } else { PlanUse::Neither };
+        let mut options = BakeOptions { plan, ..self.options.options()? };
+        options.choose.export = exports;
+        ensure!(
+            !exports || options.choose.method == Choice::Auto,
+            "--export-candidates applies to --method auto, which decides between candidates"
+        );
+        Ok(options)
     }
 }
 
@@ -628,6 +651,7 @@ impl OptionArguments {
                 },
                 layout: l.options(),
                 decided: None,
+                export: false,
                 ranking_rays: None,
             },
             copies: self.copies.map_or(FindCopies::ByMethod, FindCopies::from),
@@ -637,6 +661,8 @@ impl OptionArguments {
             compression: self.compress.into(),
             verify: self.verify.options(),
             plan: PlanUse::Neither,
+            export: None,
+            recorded: BTreeMap::new(),
         })
     }
 }

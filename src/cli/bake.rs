@@ -21,6 +21,7 @@ use super::{FAILED, applies, cached, interrupt, plan, print, print_error, print_
 use crate::commands::bake::{self, BakeOptions, Baked};
 use crate::commands::source::Source;
 use crate::report;
+use crate::report::exported::{CandidatesFile, Exported};
 use crate::report::plan::PlanFile;
 use crate::verify::verdict::Verdict;
 
@@ -36,6 +37,8 @@ pub(super) fn run(arguments: &BakeArguments, matches: &ArgMatches, output: &Outp
     let mut options = options(arguments, bake_matches, matches)?;
     let files = Files::check(arguments)?;
     options.show = files.reports.have(Format::Page);
+    let export = arguments.export_candidates.as_deref().map(Export::begin).transpose()?;
+    options.export = export.as_ref().map(|export| export.folder());
     let planned = plan::options(bake_matches);
     let wanted = files.wanted();
     let cache = cached::Cached::open(arguments, &planned, &options, &wanted)?;
@@ -44,7 +47,7 @@ pub(super) fn run(arguments: &BakeArguments, matches: &ArgMatches, output: &Outp
         None => {
             let done = Done::of_bake(arguments, &options, &planned, output)?;
             cache.iter().for_each(|cache| done.keep(cache));
-            done
+            Done { export, ..done }
         }
     };
     files.finish(done, arguments, cache.as_ref(), output.quiet)
@@ -55,8 +58,9 @@ fn options(arguments: &BakeArguments, bake_matches: &ArgMatches, matches: &ArgMa
     if let Some(file) = &arguments.plan {
         return plan::follow(file, arguments, bake_matches);
     }
-    let options = arguments.options()?;
+    let mut options = arguments.options()?;
     applies::check(&applies::given(matches), &options.choose)?;
+    options.recorded = plan::recorded(&plan::options(bake_matches))?;
     Ok(options)
 }
 
@@ -77,7 +81,12 @@ impl<'a> Files<'a> {
         let scenes = [arguments.input.as_path(), &arguments.output];
         let streams = scenes.iter().any(|path| is_stream(path));
         ensure!(!(is_stream(&arguments.output) && arguments.json), "--json and -o - both write to standard output");
-        for (option, file) in [("--cache", &arguments.cache.cache), ("--depfile", &arguments.depfile)] {
+        let of_files = [
+            ("--cache", &arguments.cache.cache),
+            ("--depfile", &arguments.depfile),
+            ("--export-candidates", &arguments.export_candidates),
+        ];
+        for (option, file) in of_files {
             ensure!(!streams || file.is_none(), "{option} applies to files, not to standard input and output");
         }
         Ok(Files {
@@ -117,10 +126,12 @@ impl<'a> Files<'a> {
             print(text(JSON).as_bytes())?;
         }
         emit_report(arguments, text(JSON))?;
+        let has_scene = done.scene.is_some();
         match done.scene {
             Some(scene) if is_stream(&arguments.output) => print_scene(&scene)?,
             scene => put_in_place(scene, [Some(reports), plan, depfile].into_iter().flatten())?,
         }
+        done.export.filter(|_| has_scene).map(Export::put_in_place).transpose()?;
         if !quiet {
             print_for_people(&done.words);
         }
@@ -162,6 +173,8 @@ struct Done {
     words: String,
     /// Why the verification failed.
     failure: Option<String>,
+    /// Candidates that were exported.
+    export: Option<Export>,
     /// The folder of an output that becomes a stream; it must live as long as the output.
     _temporary: Option<Folder>,
 }
@@ -170,7 +183,7 @@ impl Done {
     fn of_hit(found: cached::Found, arguments: &BakeArguments) -> Done {
         let words = report::cached::hit(&found.json, &arguments.input, &arguments.output);
         let reports = found.reports.into_iter().chain([(JSON.to_owned(), found.json)]).collect();
-        Done { scene: Some(found.staged), reports, words, failure: None, _temporary: None }
+        Done { scene: Some(found.staged), reports, words, failure: None, export: None, _temporary: None }
     }
 
     fn of_bake(
@@ -184,14 +197,15 @@ impl Done {
         let mut progress = Progress::new(output.quiet);
         let baked = bake::bake(source, &to, options, &mut |stage| progress.enter(stage.label()));
         progress.finish();
-        let Baked { mut report, output: scene, hashes, device, shown } = baked?;
+        let Baked { mut report, output: scene, hashes, device, shown, exported } = baked?;
         report.output.clone_from(&arguments.output);
         let mut reports = BTreeMap::from([(JSON.to_owned(), report::json::to_json(&report))]);
         if let Some(hashes) = hashes.filter(|_| scene.is_some()) {
-            reports.insert(
-                PLAN.to_owned(),
-                report::json::to_json(&PlanFile::of(&report, &hashes, device, planned.clone())),
-            );
+            let plan = PlanFile::of(&report, &hashes, device, planned.clone());
+            if let Some((exported, folder)) = exported.zip(options.export.as_deref()) {
+                list(&exported, &plan, folder)?;
+            }
+            reports.insert(PLAN.to_owned(), report::json::to_json(&plan));
         }
         reports.insert(Format::Sarif.extension().to_owned(), report::to_sarif(&report.input.path, &report.findings));
         if options.show {
@@ -204,6 +218,7 @@ impl Done {
             words: report::text::bake(&report, output.verbose > 0),
             failure: has_failed.then(failure),
             reports,
+            export: None,
             _temporary: temporary,
         })
     }
@@ -215,6 +230,56 @@ impl Done {
             print_for_people(&format!("warning: the result is not kept in the cache: {why:#}\n"));
         }
     }
+}
+
+/// A folder of candidates that is not yet in place.
+struct Export {
+    hidden: Folder,
+    to: PathBuf,
+}
+
+impl Export {
+    /// Begins a folder.
+    ///
+    /// # Errors
+    /// Fails if something else has its name, or it cannot be made.
+    fn begin(to: &Path) -> Result<Export> {
+        let name = || format!("--export-candidates {}", to.display());
+        let is_older = to.join(CandidatesFile::NAME).is_file();
+        ensure!(is_older || !to.exists(), "{}: exists, and is not a folder of candidates", name());
+        let parent = to.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let hidden = Folder::new_in(parent).with_context(name)?;
+        let export = Export { hidden, to: to.to_owned() };
+        fs::create_dir(export.folder()).with_context(name)?;
+        Ok(export)
+    }
+
+    /// Where candidates are written.
+    fn folder(&self) -> PathBuf {
+        self.hidden.path().join("candidates")
+    }
+
+    /// Renames the folder to its name. Older candidates are removed.
+    fn put_in_place(self) -> Result<()> {
+        let _hold = Hold::new();
+        let name = || format!("--export-candidates {}: cannot be put in place", self.to.display());
+        if self.to.exists() {
+            fs::rename(&self.to, self.hidden.path().join("older")).with_context(name)?;
+        }
+        fs::rename(self.folder(), &self.to).with_context(name)
+    }
+}
+
+/// Writes the list of candidates and their plans into their folder.
+fn list(exported: &Exported, plan: &PlanFile, folder: &Path) -> Result<()> {
+    let (list, plans) = CandidatesFile::of(exported, plan);
+    let plans = list.candidates.iter().zip(&plans);
+    let plans = plans.map(|(entry, plan)| (entry.plan.as_str(), report::json::to_json(plan)));
+    for (name, text) in plans.chain([(CandidatesFile::NAME, report::json::to_json(&list))]) {
+        fs::write(folder.join(name), text)
+            .with_context(|| format!("{}: cannot be written", folder.join(name).display()))?;
+    }
+    Ok(())
 }
 
 /// Returns the file to bake to, and the temporary folder it is in if the output is a stream.

@@ -10,12 +10,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
-use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, ValueEnum};
+use clap::{ArgMatches, Args, ValueEnum};
 use raykiln_formats::staging::{Folder, Hold};
 
-use super::args::{Arguments, CacheArguments, Command, OptionArguments, Output, size};
+use super::args::{CacheArguments, OptionArguments, Output, size};
 use super::progress::Counted;
-use super::{FAILED, applies, plan, print, print_error, print_for_people};
+use super::{FAILED, plan, print, print_error, print_for_people};
 use crate::cache::Store;
 use crate::commands::batch::farm::{Engine, Farm};
 use crate::commands::batch::manifest::{BakeWords, Manifest};
@@ -339,12 +339,7 @@ impl Resolver {
             return Ok(settings.clone());
         }
         let words = plan::words(options)?;
-        let fixed = ["raykiln", "bake", "input", "--output", "output.glb"].map(str::to_owned);
-        let matches = Arguments::command().try_get_matches_from(fixed.into_iter().chain(words.clone()));
-        let matches = matches.map_err(|e| anyhow!(first_line(&e.to_string())))?;
-        let Command::Bake(bake) = Arguments::from_arg_matches(&matches)?.command else { bail!("it is not a bake") };
-        let bake = bake.options()?;
-        applies::check(&applies::given(&matches), &bake.choose)?;
+        let (bake, planned) = plan::parsed(&words)?;
         let name = options.get("device").map_or_else(String::new, |device| device.join(" "));
         if !self.devices.contains_key(&name) {
             self.devices.insert(name.clone(), cached::device(&bake.verify.device)?);
@@ -352,18 +347,11 @@ impl Resolver {
         let device = &self.devices[&name];
         self.has_gpu |= device != cached::CPU;
         let device = if cached::is_decided_by_device(&bake) { device.clone() } else { String::new() };
-        let of_bake = matches.subcommand_matches("bake").context("it is a bake")?;
         let obj = bake.load.obj;
-        let settings = Arc::new(Settings { words, options: plan::options(of_bake), obj, device });
+        let settings = Arc::new(Settings { words, options: planned, obj, device });
         self.settings.insert(options.clone(), settings.clone());
         Ok(settings)
     }
-}
-
-/// The first line of an error of the argument parser, without its start.
-fn first_line(error: &str) -> String {
-    let line = error.lines().next().unwrap_or_default();
-    line.strip_prefix("error: ").unwrap_or(line).to_owned()
 }
 
 /// The jobs of one shard. All tasks divide alike as long as the files are the same.

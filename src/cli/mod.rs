@@ -14,7 +14,9 @@ mod plan;
 mod progress;
 mod render;
 mod reports;
+mod time;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -23,6 +25,7 @@ use anyhow::{Context, Result, anyhow};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use raykiln_formats::staging::Hold;
 
+use crate::commands::bake::BakeOptions;
 use crate::commands::inspect;
 use crate::commands::verify;
 use crate::report;
@@ -42,6 +45,9 @@ const BAD: u8 = 2;
 
 /// Runs the program with the arguments of the process.
 pub fn run() -> ExitCode {
+    if is_version_as_json() {
+        return ended(print(report::json::to_json(&report::VersionReport::of_this_program()).as_bytes()));
+    }
     let matches = Arguments::command().get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if arguments.command.reads_scenes() {
@@ -50,13 +56,31 @@ pub fn run() -> ExitCode {
     let done = in_pool(arguments.output.threads, || dispatch(&arguments, &matches));
     // If a signal removed the staged files, the signal ends the program, not an error caused by their absence.
     drop(Hold::new());
-    match done {
-        Ok(status) => status,
-        Err(e) => {
-            print_error(format_args!("{e:#}"));
-            ExitCode::from(BAD)
-        }
-    }
+    ended(done)
+}
+
+/// Returns the exit status; prints the error, if there is one.
+fn ended(done: Result<ExitCode>) -> ExitCode {
+    done.unwrap_or_else(|e| {
+        print_error(format_args!("{e:#}"));
+        ExitCode::from(BAD)
+    })
+}
+
+/// Whether `--version` and `--json` are given, and nothing else. The parser ends at `--version`, and prints text.
+fn is_version_as_json() -> bool {
+    let words: Vec<_> = std::env::args_os().skip(1).collect();
+    words.len() == 2 && words.iter().any(|w| w == "--json") && words.iter().any(|w| w == "--version" || w == "-V")
+}
+
+/// Returns the options of a bake that are given by their long names, as on the command line: a switch is `true` or `false`. They
+/// include `device`, but no files.
+///
+/// # Errors
+/// Says which option is not known, has a wrong value, or does not apply to the method.
+pub fn bake_options(options: &BTreeMap<String, Vec<String>>) -> Result<BakeOptions, String> {
+    let parsed = plan::words(options).and_then(|words| plan::parsed(&words));
+    parsed.map(|(bake, _)| bake).map_err(|why| format!("{why:#}"))
 }
 
 /// Stack size of a thread in bytes: that of main threads.
@@ -75,6 +99,7 @@ fn dispatch(arguments: &Arguments, matches: &ArgMatches) -> Result<ExitCode> {
     match &arguments.command {
         Command::Bake(bake) => bake::run(bake, matches, &arguments.output),
         Command::Batch(batch) => batch::run(batch, matches, &arguments.output),
+        Command::Time(time) => time::run(time, &arguments.output),
         Command::Verify(verify) => run_verify(verify, &arguments.output),
         Command::Inspect(inspect) => run_inspect(inspect, &arguments.output),
         Command::Render(render) => render::run(render, &arguments.output),

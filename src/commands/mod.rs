@@ -12,6 +12,7 @@ pub(crate) mod measure;
 pub mod render;
 pub(crate) mod rules;
 pub mod source;
+pub mod time;
 pub mod verify;
 
 pub use error::{CommandError, PlanError};

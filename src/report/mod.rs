@@ -7,6 +7,7 @@ mod choice;
 mod contents;
 mod depfile;
 mod devices;
+pub mod exported;
 mod files;
 mod findings;
 pub mod html;
@@ -25,6 +26,7 @@ pub mod study;
 pub mod text;
 pub mod verdict;
 mod verification;
+mod version;
 pub(crate) mod words;
 
 pub use depfile::depfile;
@@ -35,6 +37,7 @@ pub use findings::{Cost, FailOn, Finding, NoSuchRule, Rule, Severity, Work, to_s
 pub use passes::Pass;
 pub use reported_options::{ReportedOptions, Speed};
 pub use size::{Size, SizeVerdict};
+pub use version::VersionReport;
 
 use std::path::PathBuf;
 

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::BakeReport;
-use crate::choose::Decided;
+use crate::choose::{Decided, DecidedBy};
+use crate::methods::PlanId;
 use crate::verify::MachineKind;
 use crate::verify::verdict::Verdict;
 
@@ -120,6 +121,25 @@ impl PlanFile {
             },
             device,
         }
+    }
+
+    /// Returns the plan of the same bake if another candidate had been chosen, after measurements elsewhere.
+    pub fn deciding(&self, id: PlanId, output_blake3: String, left_alone: bool) -> PlanFile {
+        let decision = PlannedDecision {
+            method: id.method().name().to_owned(),
+            plan: id.name().to_owned(),
+            entry_cost: id.refined_entry_cost(),
+            axes: id.axes(),
+            left_alone,
+            ..self.decision.clone()
+        };
+        PlanFile { output_blake3, decision, ..self.clone() }
+    }
+
+    /// Returns the plan as one that measurements on a device decided.
+    pub fn measured_on(self, device: PlannedDevice) -> PlanFile {
+        let decided_by = DecidedBy::Measurement.name().to_owned();
+        PlanFile { device, decision: PlannedDecision { decided_by, ..self.decision }, ..self }
     }
 
     /// Reads a plan.

@@ -245,31 +245,60 @@ fn memory_is_divided_among_bakes() {
     }
 }
 
-/// Kills a batch at several instants; the next run goes on.
+/// Kills and interrupts a batch at random instants, the same ones in each run of the test; the next run goes on. What was in
+/// flight is baked again, and nothing else.
 #[cfg(unix)]
 #[test]
-fn a_batch_that_is_killed_goes_on_where_it_was() {
-    let folder = assets(4);
-    let arguments = [&["batch"], &FEW_RAYS[..], &GLOB[..], &["--cache", "cache", "--jobs", "1"]].concat();
-    for (i, milliseconds) in [30, 150, 400].into_iter().enumerate() {
+fn a_batch_that_is_ended_at_random_instants_goes_on_where_it_was() {
+    let folder = assets(6);
+    let mut random = fastrand::Rng::with_seed(16);
+    let rounds = 8;
+    for round in 0..rounds {
+        let events = format!("events-{round}.jsonl");
         let mut child = Command::new(env!("CARGO_BIN_EXE_raykiln"))
             .current_dir(folder.path())
-            .args(&arguments)
+            .arg("batch")
+            .args(FEW_RAYS.iter().chain(&GLOB).chain(&["--cache", "cache", "--jobs", "1", "--events", &events]))
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
             .expect("the program starts");
-        thread::sleep(Duration::from_millis(milliseconds * (1 + i as u64)));
-        child.kill().expect("it is killed or has ended");
+        thread::sleep(Duration::from_millis(random.u64(0..600)));
+        match random.bool() {
+            true => child.kill().expect("it is killed or has ended"),
+            false => {
+                let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+                interrupt.expect("there is the command `kill`");
+            }
+        }
         child.wait().expect("it ends");
     }
-    let ran = batch(folder.path(), &[&GLOB[..], &["--cache", "cache", "--json"]].concat());
+    let ran =
+        batch(folder.path(), &[&GLOB[..], &["--cache", "cache", "--json", "--events", "events-last.jsonl"]].concat());
     assert_eq!(ran.status, 0, "{}", ran.stderr);
-    let killed = outputs(&folder.path().join("baked"));
+    let [begun, ended, most] = bakes(folder.path());
+    assert!(begun <= 6 + rounds && most == 1, "{begun} bakes begun, {ended} ended, up to {most} of one asset");
+    let baked = outputs(&folder.path().join("baked"));
     let visible = |all: &[(String, Vec<u8>)]| all.iter().filter(|(name, _)| !name.contains(".raykiln-")).count();
-    assert_eq!(visible(&killed), 4);
+    assert_eq!(visible(&baked), 6);
     let whole = batch(folder.path(), &["assets/**/*.glb", "--out", "whole"]);
     assert_eq!(whole.status, 0, "{}", whole.stderr);
-    let whole = outputs(&folder.path().join("whole"));
-    assert!(whole.iter().all(|output| killed.contains(output)));
+    assert!(outputs(&folder.path().join("whole")).iter().all(|output| baked.contains(output)));
+}
+
+/// By the events of all runs: the number of bakes that began, the number that ended, and the most of one asset that ended.
+#[cfg(unix)]
+fn bakes(folder: &Path) -> [usize; 3] {
+    let (mut begun, mut ended) = (0, std::collections::BTreeMap::<String, usize>::new());
+    for name in folder_names(folder).iter().filter(|name| name.starts_with("events-")) {
+        let text = fs::read_to_string(folder.join(name)).expect("readable");
+        // The last line may be cut off.
+        for event in text.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok()) {
+            begun += usize::from(event["event"] == "start");
+            if event["row"]["status"] == "baked" {
+                *ended.entry(event["row"]["asset"].as_str().expect("a name").to_owned()).or_default() += 1;
+            }
+        }
+    }
+    [begun, ended.values().sum(), ended.values().copied().max().unwrap_or(0)]
 }

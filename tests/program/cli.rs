@@ -1,8 +1,9 @@
 //! The command line: which output goes to which stream, which files are written, which status is returned.
 
-use crate::common::{folder_names, methods, raykiln, samples, write};
+use crate::common::schema::assert_conforms;
+use crate::common::{folder_names, json_of, methods, raykiln, samples, write};
 use raykiln::verify::rays::RayKind;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs;
 use std::path::PathBuf;
 use tempfile::TempDir;
@@ -48,6 +49,28 @@ fn an_option_that_does_not_apply_to_the_method_is_refused() {
 #[test]
 fn version_is_that_of_the_package() {
     assert_eq!(raykiln(["--version"]).stdout, format!("raykiln {}\n", env!("CARGO_PKG_VERSION")));
+    for words in [["--version", "--json"], ["--json", "-V"]] {
+        let ran = raykiln(words);
+        assert_eq!((ran.status, ran.stderr.as_str()), (0, ""));
+        assert_conforms(&ran.json());
+        assert_eq!(ran.json()["raykiln_version"], env!("CARGO_PKG_VERSION"));
+    }
+}
+
+#[test]
+fn outputs_say_which_version_and_options_made_them() {
+    let record = |more: &[&str]| {
+        let (ran, folder) = bake_heaps(&[&["--device", "cpu"], more].concat());
+        assert_eq!(ran.status, 0, "{}", ran.stderr);
+        json_of(&folder.path().join("out.glb"))["asset"]["extras"]["raykiln"].clone()
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    let options = json!({"method": "single", "keep": ["a*", "b"], "rays": "500", "repeats": "1", "prune": "true"});
+    let given = ["--method", "single", "--keep", "a*", "--keep", "b", "--prune", "--threads", "1", "--seed", "1"];
+    let found = record(&given);
+    assert_eq!((&found["version"], &found["options"]), (&json!(version), &options));
+    // What is left alone byte for byte has no record.
+    assert_eq!(record(&["--method", "keep"]), Value::Null);
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod auto;
 mod bad_input;
 mod batch;
 mod cache;
+mod candidates;
 mod cli;
 mod compressed;
 mod dependencies;

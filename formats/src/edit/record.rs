@@ -1,5 +1,7 @@
 //! What the program records in `extras.raykiln` of nodes and primitives.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Map, Value, json};
 
 use crate::Document;
@@ -44,6 +46,22 @@ impl Document {
     /// anything but an object.
     pub fn has_room_for_record(&self, node: usize) -> bool {
         has_room(&self.json["nodes"][node])
+    }
+
+    /// Records which version of the program made this document with which options, in `asset.extras.raykiln`, in place of what
+    /// was recorded before. An option has one value or a list. Does nothing if the extras leave no room.
+    pub fn record_bake(&mut self, version: &str, options: &BTreeMap<String, Vec<String>>) {
+        let Some(record) = raykiln_extras(&mut self.json["asset"]) else { return };
+        record.clear();
+        record.insert("version".into(), version.into());
+        if !options.is_empty() {
+            let value = |values: &Vec<String>| match values.as_slice() {
+                [value] => json!(value),
+                values => json!(values),
+            };
+            let options = options.iter().map(|(option, values)| (option.clone(), value(values)));
+            record.insert("options".into(), options.collect::<Map<String, Value>>().into());
+        }
     }
 
     /// Records what became of a node, in place of what was recorded before. Does nothing if the extras of the node leave no

@@ -2,10 +2,12 @@
 
 mod clock;
 mod copies;
+mod export;
 mod turned;
 
 use std::borrow::Cow;
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 pub use clock::Stage;
@@ -23,6 +25,7 @@ use crate::cost::mesh_trees::MeshTrees;
 use crate::emit::{self, Copied, Instancing};
 use crate::layout::Layout;
 use crate::motion::advice::{self, Advice};
+use crate::report::exported::Exported;
 use crate::report::html::Shown;
 use crate::report::plan::{Hashes, PlannedDevice};
 use crate::report::{
@@ -57,6 +60,11 @@ pub struct BakeOptions {
     pub plan: PlanUse,
     /// Whether to gather what a page shows of the scenes ([`Baked::shown`]).
     pub show: bool,
+    /// The folder to which to write the input and the candidates that are worth timing, if `auto` chooses among them; also
+    /// takes [`PlanUse::Write`] and [`ChooseOptions::export`].
+    pub export: Option<PathBuf>,
+    /// Options to record in the output beside the version, by name, with their values; they decide nothing.
+    pub recorded: BTreeMap<String, Vec<String>>,
 }
 
 /// Whether a bake writes a plan or follows one.
@@ -124,6 +132,8 @@ pub struct Baked {
     pub device: PlannedDevice,
     /// What a page shows of the scenes, if asked for.
     pub shown: Option<Shown>,
+    /// The candidates that were exported, if asked for.
+    pub exported: Option<Exported>,
 }
 
 /// Bakes `input`; the result replaces `output` once it is committed. If the verification fails, the report says so and
@@ -162,6 +172,12 @@ pub fn bake(
     let seconds = optimising.elapsed().as_secs_f64();
     let copies_are_placed = copies::are_placed(&staged, &chosen.layout);
     let (path, bytes, warnings) = (doc.path.clone(), doc.file_bytes(), [scene_warnings, doc.warnings.clone()].concat());
+    let exported = options.export.as_deref().map(|folder| {
+        clock.enter(Stage::Write);
+        let to = export::To { folder, output };
+        export::write_all(&doc, (&scene, before.as_bytes()), &staged, &chosen, to, options)
+    });
+    let exported = exported.transpose()?;
     let given = Given { doc, scene: &scene, staged, trees: &trees, metrics: &before };
     let (chosen, tried) = Tried::or_left_alone(given, chosen, output, &machine, options, &mut clock)?;
     let findings_after = tried.findings.clone().unwrap_or_else(|| findings.clone());
@@ -183,7 +199,8 @@ pub fn bake(
     report.seconds = clock.stop();
     report.peak_memory_bytes = clock::peak_memory_bytes();
     let output = (report.verdict != Verdict::Failed).then_some(staged);
-    Ok(Baked { report, output, hashes, device: PlannedDevice::new(name, kind, machine.driver()), shown })
+    let device = PlannedDevice::new(name, kind, machine.driver());
+    Ok(Baked { report, output, hashes, device, shown, exported })
 }
 
 /// What is known of the input.
@@ -443,7 +460,7 @@ fn write(
     options: &BakeOptions,
 ) -> Result<Written, raykiln_formats::Error> {
     let start = Instant::now();
-    let (options, compression) = (options.emit(), options.compression);
+    let (options, compression, recorded) = (options.emit(), options.compression, &options.recorded);
     let regrouped = !emit::is_input(scene, layout);
     let as_copies = options.instancing != Instancing::Nodes;
     let emitted = (regrouped || options.prune || as_copies).then(|| emit::emit(doc, scene, layout, &options));
@@ -453,7 +470,10 @@ fn write(
     let changed = emitted.filter(|_| regrouped || pruned > 0 || copied.nodes > 0);
     let same_layout = changed.is_none();
     let (staged, compression, notes) = match changed {
-        Some(e) => (e.document.stage_with(output, compression)?, reported(compression), e.notes),
+        Some(mut e) => {
+            e.document.record_bake(env!("CARGO_PKG_VERSION"), recorded);
+            (e.document.stage_with(output, compression)?, reported(compression), e.notes)
+        }
         None => {
             let (staged, compression) = stage_input(doc, output, compression)?;
             (staged, compression, Vec::new())
