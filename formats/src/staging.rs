@@ -30,9 +30,10 @@ impl Folder {
     /// # Errors
     /// Fails if `parent` is not a folder, or cannot be written to.
     pub fn new_in(parent: &Path) -> io::Result<Folder> {
-        let mut state = state_before_end();
+        // `remove_all` waits until the folder is known; other threads need not wait for the file system.
+        let _hold = Hold::new();
         let path = tempfile::Builder::new().prefix(".raykiln-").tempdir_in(parent)?.keep();
-        state.folders.insert(path.clone());
+        state().folders.insert(path.clone());
         Ok(Folder(path))
     }
 

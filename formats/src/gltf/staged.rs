@@ -20,7 +20,7 @@ impl Staged {
     /// # Errors
     /// As [`crate::document::check_output`].
     pub fn begin(out: &Path) -> Result<Self, Error> {
-        super::write::check(out)?;
+        super::write::kind_of(out)?;
         Staged::new(out)
     }
 
@@ -117,10 +117,9 @@ impl Staged {
     /// See [`Staged::commit`].
     pub fn put_in_place(self) -> Result<Placed, Error> {
         let _hold = Hold::new();
-        let backup = hidden_folder(&self.target)?;
-        let mut undo = Vec::new();
+        let (mut backup, mut undo) = (None, Vec::new());
         for (i, (from, to)) in self.files.iter().enumerate() {
-            if let Err(e) = replace(from, to, backup.path().join(i.to_string()), &mut undo) {
+            if let Err(e) = replace(from, to, || place_in(&mut backup, &self.target, i), &mut undo) {
                 undo.into_iter().rev().for_each(Undo::run);
                 return Err(Error::io(to, "cannot be put in place: ", &e));
             }
@@ -133,8 +132,8 @@ impl Staged {
 #[derive(Debug)]
 pub struct Placed {
     undo: Vec<Undo>,
-    /// Holds the replaced files.
-    _backup: Folder,
+    /// Holds the replaced files, if there are any.
+    _backup: Option<Folder>,
 }
 
 impl Placed {
@@ -163,12 +162,22 @@ impl Undo {
     }
 }
 
-/// Moves a file to its final name. The replaced file is kept as `old` until the end of the commit.
-fn replace(from: &Path, to: &Path, old: PathBuf, undo: &mut Vec<Undo>) -> io::Result<()> {
+/// Returns the place of a replaced file; the folder is created for the first.
+fn place_in(backup: &mut Option<Folder>, target: &Path, number: usize) -> io::Result<PathBuf> {
+    let folder = match backup.take() {
+        Some(folder) => folder,
+        None => Folder::new_in(target)?,
+    };
+    Ok(backup.insert(folder).path().join(number.to_string()))
+}
+
+/// Moves a file to its final name. The replaced file is kept at the place that `old` gives until the end of the commit.
+fn replace(from: &Path, to: &Path, old: impl FnOnce() -> io::Result<PathBuf>, undo: &mut Vec<Undo>) -> io::Result<()> {
     make_folders(folder_of(to), undo)?;
     match fs::symlink_metadata(to) {
         Ok(there) if there.is_dir() => return Err(io::Error::other("a folder bears that name")),
         Ok(_) => {
+            let old = old()?;
             // A second link keeps the old file, so that there is always a file at `to`.
             fs::hard_link(to, &old).or_else(|_| fs::rename(to, &old))?;
             undo.push(Undo::Restore { old, to: to.to_owned() });

@@ -119,7 +119,7 @@ pub(crate) fn file_bytes(doc: &Document) -> Option<u64> {
 }
 
 /// Returns the kind of file for the extension of `out`.
-fn kind_of(out: &Path) -> Result<Kind, Error> {
+pub(super) fn kind_of(out: &Path) -> Result<Kind, Error> {
     match out.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase).as_deref() {
         Some("glb") => Ok(Kind::Glb),
         Some("gltf") => Ok(Kind::Gltf),
