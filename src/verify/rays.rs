@@ -1,6 +1,6 @@
 //! The rays of a verification: four kinds, from the input alone, the same for every tracer and number of threads.
 
-#[cfg(feature = "lab")]
+#[cfg_attr(not(feature = "lab"), allow(dead_code, reason = "pictures use its light, the lab alone the rest"))]
 pub(crate) mod shot;
 
 use std::convert::Infallible;
