@@ -145,7 +145,7 @@ fn shown(row: &Row) -> Shown<'_> {
     }
 }
 
-/// The address of a file below the folder of the page, with everything escaped that has a meaning in an address.
+/// The address of a file below the folder of the page, with everything escaped that has a meaning in an address or in HTML.
 fn address(name: &str) -> String {
     let mut out = String::from("./");
     for byte in name.bytes() {
