@@ -2,6 +2,7 @@
 # Runs formatting, lints, feature checks, documentation and all tests. Continues if a step fails; the exit status is 0
 # only if all steps succeed. Needs cargo with the components rustfmt and clippy, and what `missing` lists below.
 #
+#   PACKAGES=yes tests/all.sh  also makes and installs the crates, the Debian package and the Python wheel, which takes ten minutes
 #   tests/all.sh             fails at once if something is missing, and says how to get it
 #   tests/all.sh --install   says what it installs and where, installs it, then runs; so does CI=true tests/all.sh
 set -uo pipefail
@@ -54,6 +55,10 @@ has_python_packages() {
   [ -x target/python/bin/openjd ] && cmp -s tests/pipeline/requirements.txt target/python/requirements.txt
 }
 
+has_cargo_deb() {
+  [ -z "${PACKAGES:-}" ] || [ -x target/cargo/bin/cargo-deb ] || command -v cargo-deb >/dev/null
+}
+
 # Lists what the tests need and this machine lacks, one per line, with what `--install` does about it.
 missing() {
   has_node || echo "Node.js and npm: apt-get install nodejs npm"
@@ -61,6 +66,7 @@ missing() {
   has_chromium || echo "chromium: apt-get install chromium"
   [ -z "$(missing_pipeline_tools)" ] || echo "tools for tests/pipeline: apt-get install $(missing_pipeline_tools | xargs)"
   has_python_packages || echo "packages of tests/pipeline/requirements.txt: pip install, into target/python"
+  has_cargo_deb || echo "cargo-deb: cargo install, into target/cargo"
   sh tests/install_vulkan.sh --missing
 }
 
@@ -97,9 +103,14 @@ install_python_packages() {
     cp tests/pipeline/requirements.txt target/python/
 }
 
+# Unoptimised, which takes less time to compile.
+install_cargo_deb() {
+  has_cargo_deb || cargo install --quiet --locked --debug --root target/cargo --version 3.8.0 cargo-deb
+}
+
 install_missing() {
   install_node && install_packages && install_chromium && node --version && install_pipeline_tools &&
-    install_python_packages && sh tests/install_vulkan.sh
+    install_python_packages && install_cargo_deb && sh tests/install_vulkan.sh
 }
 
 # Checks each feature alone, and none: the library, the examples and, with `cli`, the program.
@@ -149,7 +160,7 @@ checks() {
 # The program in build tools and on farms.
 pipeline() {
   local name
-  for name in build_tools openjd slurm; do
+  for name in build_tools openjd slurm ${PACKAGES:+packages}; do
     bash "tests/pipeline/$name.sh" target/debug/raykiln || return
   done
 }
