@@ -106,5 +106,6 @@ fn document(class: &Class, count: usize) -> Document {
         warnings: Vec::new(),
         in_memory: None,
         residuals: Default::default(),
+        sidecar: None,
     }
 }

@@ -47,9 +47,6 @@ fn sheets(meshes: u32, n: u32, instances: u32) -> (Scene, Layout) {
     let instance = |i: u32| Instance {
         name: String::new(),
         node: i,
-        source_node: i,
-        source_copy: None,
-        source_index: 0,
         copy: 0,
         mesh: MeshId(i % meshes),
         transform: DAffine3::from_translation(20.0 * noise3(i)) * turned(i),

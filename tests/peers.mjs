@@ -40,16 +40,31 @@ function throughBlender(document) {
   }
 }
 
-const GLTFPACK = { gltfpack: [], 'gltfpack-noq': ['-noq', '-km'] };
+const GLTFPACK = { gltfpack: [], 'gltfpack-noq': ['-noq', '-km'], 'gltfpack-keep': ['-ke', '-kn', '-km', '-noq'] };
 
 async function transform() {
   const { Logger, NodeIO } = await load('@gltf-transform/core');
   const { ALL_EXTENSIONS } = await load('@gltf-transform/extensions');
-  const { dedup, flatten, join, quantize } = await load('@gltf-transform/functions');
-  const io = new NodeIO().registerExtensions(ALL_EXTENSIONS);
+  const { dedup, flatten, instance, join, meshopt, prune, quantize } = await load('@gltf-transform/functions');
+  const { MeshoptDecoder: decoder, MeshoptEncoder: encoder } = await load('meshoptimizer');
+  await Promise.all([decoder.ready, encoder.ready]);
+  const io = new NodeIO()
+    .registerExtensions(ALL_EXTENSIONS)
+    .registerDependencies({ 'meshopt.decoder': decoder, 'meshopt.encoder': encoder });
   const document = await io.read(input);
   document.setLogger(new Logger(Logger.Verbosity.ERROR));
-  await document.transform({ blender: () => throughBlender, dedup, flatten, join, quantize }[operation]());
+  const operations = {
+    blender: () => throughBlender,
+    copy: () => () => {},
+    dedup,
+    flatten,
+    instance: () => instance({ min: 2 }),
+    join,
+    meshopt: () => meshopt({ encoder }),
+    prune,
+    quantize,
+  };
+  await document.transform(operations[operation]());
   await io.write(output, document);
 }
 

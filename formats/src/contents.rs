@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DAffine3, Vec3};
 
 use crate::Warning;
+use crate::record::{GeometryHash, Provenance};
 
 /// Contents of the default scene of a document. Indices are those of the glTF file.
 #[derive(Clone, Debug, Default)]
@@ -19,6 +20,10 @@ pub struct Contents {
     pub materials: Vec<Material>,
     /// All cameras of the file.
     pub cameras: Vec<Camera>,
+    /// Where its triangles come from, if an earlier bake recorded it.
+    pub provenance: Provenance,
+    /// Hash of its geometry, to which a record of provenance is bound.
+    pub geometry: GeometryHash,
     /// What was left out of the view, such as triangles with a non-finite corner.
     pub warnings: Vec<Warning>,
 }
@@ -51,10 +56,6 @@ pub struct Node {
     /// Whether the node is not shown, with all nodes below it: it is hidden (`KHR_node_visibility`), or a lower level of
     /// detail of another (`MSFT_lod`).
     pub hidden: bool,
-    /// The input node that this node represents, if an earlier bake recorded it.
-    pub source: Option<NodeSource>,
-    /// The input node that each copy represents, if an earlier bake merged several nodes into one; otherwise empty.
-    pub copy_sources: Vec<NodeSource>,
 }
 
 /// Why a node or mesh must stay as it is.
@@ -76,26 +77,6 @@ pub enum Hold {
     Matrix,
     /// The extras of a node or primitive leave no room to record what becomes of it.
     NoRoom,
-}
-
-/// `extras.raykiln.source` of an output node: `{"node": n}`, or `{"node": n, "mesh": m, "runs": accessor}` for a node
-/// that places a copy of what `n` placed. A node merged from many has, for its copies, `{"nodes": accessor, "meshes":
-/// accessor, "runs": accessor}`, with a node and, if needed, a mesh for every copy.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NodeSource {
-    /// Node of the input.
-    pub node: u32,
-    /// The input mesh of which a copy is placed; `None` if the provenance of the triangles identifies it.
-    pub copy_of: Option<CopyOf>,
-}
-
-/// A mesh of which a copy is placed.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct CopyOf {
-    /// Mesh of the input.
-    pub mesh: u32,
-    /// The triangle of that mesh that each triangle of the copy represents; `None` if both have the same order.
-    pub order: Option<Arc<TriangleOrder>>,
 }
 
 /// Maps each triangle of a mesh, counted across its primitives, to a triangle of another mesh, counted likewise.
@@ -177,41 +158,6 @@ pub struct Primitive {
     /// Primitives with equal keys (and equal materials) may be joined into one: they have the same vertex attributes of
     /// the same types (positions, normals and tangents count as 32-bit floats), extensions and extras.
     pub merge_key: String,
-    /// Origin of the triangles, if an earlier bake recorded it.
-    pub provenance: Option<Provenance>,
-}
-
-/// Provenance as recorded in `extras.raykiln` of an output primitive.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Provenance {
-    /// `{"source": {"mesh": m, "primitive": p}}`: the same triangles as the input's primitive; the node is the one that
-    /// places it.
-    Same {
-        /// Mesh in the input.
-        mesh: u32,
-        /// Primitive in that mesh.
-        primitive: u32,
-    },
-    /// `{"provenance": {"sources": [[node, copy, mesh, primitive], ...], "runs": accessor}}`.
-    Runs {
-        /// Source primitives: node (`null` in the file, `None` here, for the placing node), copy, mesh, primitive.
-        sources: Vec<Source>,
-        /// Runs (index into `sources`, first source triangle, number of triangles), in order of the output's triangles.
-        runs: Vec<[u32; 3]>,
-    },
-}
-
-/// A primitive of the input, as placed by a node of the input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Source {
-    /// Node of the input; `None` for the node that places the primitive in the output.
-    pub node: Option<u32>,
-    /// Copy within that node (`EXT_mesh_gpu_instancing`), otherwise 0.
-    pub copy: u32,
-    /// Mesh of the input.
-    pub mesh: u32,
-    /// Primitive of that mesh.
-    pub primitive: u32,
 }
 
 /// The triangles of a primitive, in its own coordinates.

@@ -53,6 +53,8 @@ pub struct Document {
     pub in_memory: Option<Bytes>,
     /// What rounding took from the positions of an OBJ file; empty for glTF, and once accessors are renumbered.
     pub residuals: Residuals,
+    /// The record of provenance that lies, or is to lie, beside the file (see [`crate::record`]).
+    pub sidecar: Option<Value>,
 }
 
 /// What rounding to 32-bit floats took from positions that a file gives in more digits.

@@ -39,6 +39,7 @@ mod meshopt;
 mod obj;
 mod outline;
 pub mod properties;
+pub mod record;
 pub mod staging;
 pub mod unchecked;
 
@@ -66,7 +67,7 @@ impl ReadOptions {
     }
 }
 
-/// How to read an OBJ file. Without effect on glTF.
+/// How to read an OBJ file. Without effect on glTF, but for `root`.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ObjOptions {
@@ -83,6 +84,8 @@ pub struct ObjOptions {
     pub z_up: bool,
     /// Length of the file's unit in metres, above 0; `None` for 1 without a word.
     pub unit: Option<f64>,
+    /// Folder that all files must be in that a scene names, of glTF too. Without it, glTF may name no absolute paths.
+    pub root: Option<PathBuf>,
 }
 
 /// Normals of an OBJ file.
@@ -115,6 +118,11 @@ impl ObjOptions {
         ObjOptions { search, ..self }
     }
 
+    /// The same options with this folder that all files must be in.
+    pub fn with_root(self, root: Option<PathBuf>) -> Self {
+        ObjOptions { root, ..self }
+    }
+
     /// The same options with `strict` set.
     pub fn with_strict(self, strict: bool) -> Self {
         ObjOptions { strict, ..self }
@@ -134,7 +142,14 @@ pub fn read(path: &Path) -> Result<Document, Error> {
 /// # Errors
 /// See [`read`].
 pub fn read_with(path: &Path, options: &ObjOptions) -> Result<Document, Error> {
-    if obj::is_obj(path) { obj::read(path, options) } else { gltf::read::read(path) }
+    let root = options.root.as_deref();
+    if !obj::is_obj(path) {
+        return gltf::read::read(path, root);
+    }
+    if let Some(root) = root {
+        gltf::bounds::check_files(path, &outline_with(path, options)?.files, root)?;
+    }
+    obj::read(path, options)
 }
 
 /// Returns the names of the glTF extensions that are known, as the table `gltf/references/table.rs` lists them; one that

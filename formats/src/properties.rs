@@ -166,8 +166,6 @@ pub struct NodeContent {
     pub camera: Option<Property>,
     /// The morph weights, of the node or else of its mesh.
     pub weights: Option<Vec<f64>>,
-    /// `extras.raykiln.moved_to`: the nodes that show its triangles now.
-    pub moved_to: Vec<usize>,
     /// `extras.raykiln.mesh`: name and extras of the mesh that it placed.
     pub placed_mesh: Option<Property>,
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use raykiln_formats::document::Compression;
+use raykiln_formats::edit::RecordPlace;
 use raykiln_formats::{DoubleSided, ObjNormals, ObjOptions};
 
 use crate::choose::model::Class;
@@ -138,6 +139,12 @@ pub(super) struct CompareArguments {
     /// How to match the triangles of both files
     #[arg(long = "match", value_enum, value_name = "BY", default_value_t = MatchArgument::Auto)]
     pub(super) match_by: MatchArgument,
+    /// Also fail if the layouts differ: BLAS groups (meshes as nodes place them) were merged or split
+    #[arg(long)]
+    pub(super) layout: bool,
+    /// Refuse scenes that name files outside of DIR, also through links; without it, glTF may name no absolute paths
+    #[arg(long, value_name = "DIR")]
+    pub(super) root: Option<PathBuf>,
     /// Also write the report to FILE (.json, .html for a page with charts, or .sarif for findings about BEFORE); may be
     /// repeated
     #[arg(long, value_name = "FILE")]
@@ -185,6 +192,15 @@ pub(super) struct BakeArguments {
     /// Treat warnings about the input as errors: print them, write nothing and exit with status 2
     #[arg(long)]
     pub(super) deny_warnings: bool,
+    /// Refuse a scene that names files outside of DIR, also through links; without it, glTF may name no absolute paths
+    #[arg(long, value_name = "DIR")]
+    pub(super) root: Option<PathBuf>,
+    /// Allow the output to replace the input
+    #[arg(long)]
+    pub(super) in_place: bool,
+    /// End with an error before more memory than this is used, such as 4GiB (needs Linux)
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
     #[command(flatten)]
     pub(super) cache: CacheArguments,
     /// End, and leave nothing, when standard input is closed: whoever started the process has ended
@@ -238,6 +254,9 @@ pub(super) struct OptionArguments {
     /// How to compress the output
     #[arg(long, value_enum, value_name = "HOW", default_value_t = CompressArgument::None)]
     compress: CompressArgument,
+    /// Where to record which triangle of the input each triangle of the output comes from
+    #[arg(long, value_enum, value_name = "WHERE", default_value_t = RecordArgument::File)]
+    pub(super) record: RecordArgument,
     /// Which copies of a mesh to replace by instances of it
     /// [default: rigid for auto, off otherwise]
     #[arg(long, value_enum, value_name = "LIKENESS")]
@@ -490,6 +509,26 @@ impl From<CompressArgument> for Compression {
     }
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum RecordArgument {
+    /// In the output, as extras
+    File,
+    /// In a file beside it, named like it with `.record.json` at the end
+    Sidecar,
+    /// Nowhere
+    None,
+}
+
+impl From<RecordArgument> for RecordPlace {
+    fn from(argument: RecordArgument) -> Self {
+        match argument {
+            RecordArgument::File => RecordPlace::File,
+            RecordArgument::Sidecar => RecordPlace::Sidecar,
+            RecordArgument::None => RecordPlace::None,
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CopiesArgument {
     /// Copies with equal coordinates and attributes, in any order of triangles and vertices
@@ -545,6 +584,9 @@ pub(super) struct InspectArguments {
     /// higher one; may be repeated
     #[arg(long, value_name = "RULE|SEVERITY")]
     pub(super) fail_on: Vec<FailOn>,
+    /// Refuse a scene that names files outside of DIR, also through links; without it, glTF may name no absolute paths
+    #[arg(long, value_name = "DIR")]
+    pub(super) root: Option<PathBuf>,
     #[command(flatten)]
     pub(super) obj: ObjArguments,
 }
@@ -630,6 +672,7 @@ impl BakeArguments {
             !exports || options.choose.method == Choice::Auto,
             "--export-candidates applies to --method auto, which decides between candidates"
         );
+        options.load.obj = options.load.obj.with_root(self.root.clone());
         Ok(options)
     }
 }
@@ -659,6 +702,7 @@ impl OptionArguments {
             prune: self.prune,
             copy_instances: self.instancing == InstancingArgument::Extension,
             compression: self.compress.into(),
+            record: self.record.into(),
             verify: self.verify.options(),
             plan: PlanUse::Neither,
             export: None,

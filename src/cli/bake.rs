@@ -13,11 +13,11 @@ use clap::ArgMatches;
 use raykiln_formats::document::{Placed, Staged};
 use raykiln_formats::staging::{Folder, Hold};
 
-use super::args::{BakeArguments, Output};
+use super::args::{BakeArguments, Output, RecordArgument};
 use super::cached::JSON;
 use super::progress::Progress;
 use super::reports::{Format, Reports, StagedReports};
-use super::{FAILED, applies, cached, interrupt, plan, print, print_error, print_for_people};
+use super::{FAILED, applies, cached, interrupt, memory, plan, print, print_error, print_for_people};
 use crate::commands::bake::{self, BakeOptions, Baked};
 use crate::commands::source::Source;
 use crate::report;
@@ -34,6 +34,7 @@ pub(super) fn run(arguments: &BakeArguments, matches: &ArgMatches, output: &Outp
         interrupt::end_with_stdin();
     }
     let bake_matches = matches.subcommand_matches("bake").context("it is a bake")?;
+    arguments.max_memory.map_or(Ok(()), memory::limit)?;
     let mut options = options(arguments, bake_matches, matches)?;
     let files = Files::check(arguments)?;
     options.show = files.reports.have(Format::Page);
@@ -81,6 +82,11 @@ impl<'a> Files<'a> {
         let scenes = [arguments.input.as_path(), &arguments.output];
         let streams = scenes.iter().any(|path| is_stream(path));
         ensure!(!(is_stream(&arguments.output) && arguments.json), "--json and -o - both write to standard output");
+        let is_input = |real: PathBuf| fs::canonicalize(&arguments.output).is_ok_and(|output| output == real);
+        let replaces = !streams && fs::canonicalize(&arguments.input).is_ok_and(is_input);
+        ensure!(arguments.in_place || !replaces, "the output would replace the input: --in-place allows that");
+        let beside = arguments.options.record == RecordArgument::Sidecar;
+        ensure!(!(is_stream(&arguments.output) && beside), "--record sidecar needs an output file to lie beside");
         let of_files = [
             ("--cache", &arguments.cache.cache),
             ("--depfile", &arguments.depfile),

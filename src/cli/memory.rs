@@ -3,12 +3,14 @@
 use std::cell::Cell;
 use std::io::{Cursor, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 use std::time::Duration;
+use std::{fmt, thread};
 
+use anyhow::{Context, Result, ensure};
 use raykiln_formats::staging;
 
 use super::BAD;
+use crate::commands::batch::memory::resident_bytes;
 
 /// The longest that removing staged files may take; another thread may be waiting for memory with the files in hand.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -30,18 +32,40 @@ pub fn end(bytes: usize) -> ! {
             thread::sleep(PATIENCE);
         }
     }
-    print(bytes);
+    print(format_args!("{bytes} more bytes are needed than the system, or a limit such as `ulimit -v`, grants"));
     staging::remove_all_within(PATIENCE);
     exit()
 }
 
+/// Watches the memory that the program has in use, and ends it as if more were refused before that exceeds `most` bytes.
+///
+/// # Errors
+/// Fails if the system does not report it.
+pub(super) fn limit(most: u64) -> Result<()> {
+    let used = || resident_bytes(std::process::id());
+    ensure!(used().is_some(), "--max-memory needs Linux");
+    let watch = move || {
+        while used().is_none_or(|used| used < most - most / ALARM) {
+            thread::sleep(BETWEEN_LOOKS);
+        }
+        IS_ENDING.set(true);
+        print(format_args!("the bake needs more than {most} bytes (--max-memory)"));
+        staging::remove_all_within(PATIENCE);
+        exit()
+    };
+    thread::Builder::new().name("memory".into()).spawn(watch).context("the memory cannot be watched")?;
+    Ok(())
+}
+
+/// The program ends when this share of the limit is left: less is not used up between two looks.
+const ALARM: u64 = 16;
+/// Time between two looks at the memory in use.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(1);
+
 /// Prints the error without allocating.
-fn print(bytes: usize) {
+fn print(cause: fmt::Arguments) {
     let mut text = Cursor::new([0; 160]);
-    let _ = writeln!(
-        text,
-        "error: out of memory: {bytes} more bytes are needed than the system, or a limit such as `ulimit -v`, grants"
-    );
+    let _ = writeln!(text, "error: out of memory: {cause}");
     let length = text.position() as usize;
     let _ = std::io::stderr().write_all(&text.get_ref()[..length]);
 }

@@ -21,17 +21,18 @@ use std::fmt;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use raykiln_formats::staging::Hold;
 
 use crate::commands::bake::BakeOptions;
 use crate::commands::inspect;
-use crate::commands::verify;
+use crate::commands::verify::{self, MatchBy};
 use crate::report;
 use crate::report::FailOn;
 use crate::scene::LoadOptions;
 use crate::verify::verdict::Verdict;
+use crate::verify::{Matching, VerifyOptions};
 pub use memory::end as end_without_memory;
 
 use args::{Arguments, Command, CompareArguments, InspectArguments, Output};
@@ -125,13 +126,14 @@ fn run_verify(arguments: &CompareArguments, output: &Output) -> Result<ExitCode>
     let mut progress = Progress::new(output.quiet);
     progress.enter("verifying");
     let by = arguments.match_by.into();
-    let options = arguments.verify.options();
+    ensure!(!arguments.layout || by != MatchBy::Always(Matching::Surface), "--layout needs triangles that are matched");
+    let options = VerifyOptions { same_groups: arguments.layout, ..arguments.verify.options() };
     let compared = verify::compare_and_show(
         &arguments.before,
         &arguments.after,
         by,
         &options,
-        &arguments.obj.load(),
+        &LoadOptions { obj: arguments.obj.options().with_root(arguments.root.clone()), ..LoadOptions::default() },
         reports.have(Format::Page),
     );
     progress.finish();
@@ -161,7 +163,8 @@ fn run_inspect(arguments: &InspectArguments, output: &Output) -> Result<ExitCode
     let reports = Reports::check(&arguments.report, &[&arguments.input])?;
     let mut progress = Progress::new(output.quiet);
     progress.enter("inspecting");
-    let load = LoadOptions { strict: arguments.strict, ..arguments.obj.load() };
+    let obj = arguments.obj.options().with_root(arguments.root.clone());
+    let load = LoadOptions { strict: arguments.strict, obj, ..LoadOptions::default() };
     let inspected = inspect::inspect_and_show(arguments.input.as_path().into(), &load, reports.have(Format::Page));
     progress.finish();
     let (report, shown) = inspected?;

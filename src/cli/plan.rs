@@ -17,7 +17,7 @@ use crate::report::plan::PlanFile;
 use crate::verify::VerifyOptions;
 
 /// Arguments that do not decide what is written, and so are not part of a plan.
-const NOT_PLANNED: [&str; 19] = [
+const NOT_PLANNED: [&str; 22] = [
     "input",
     "output",
     "report",
@@ -33,6 +33,9 @@ const NOT_PLANNED: [&str; 19] = [
     "device",
     "threads",
     "deny_warnings",
+    "root",
+    "in_place",
+    "max_memory",
     "quiet",
     "verbose",
     "help",

@@ -195,6 +195,7 @@ fn document(solids: &[Solid]) -> Document {
         warnings: Vec::new(),
         in_memory: None,
         residuals: Default::default(),
+        sidecar: None,
     }
 }
 

@@ -138,17 +138,7 @@ mod tests {
 
     pub(super) fn instance(mesh: u32, transform: DAffine3) -> Instance {
         let name = String::new();
-        Instance {
-            name,
-            node: 0,
-            source_node: 0,
-            source_copy: None,
-            source_index: 0,
-            copy: 0,
-            mesh: MeshId(mesh),
-            transform,
-            pinned: None,
-        }
+        Instance { name, node: 0, copy: 0, mesh: MeshId(mesh), transform, pinned: None }
     }
 
     pub(super) fn scene(meshes: Vec<Mesh>, instances: Vec<Instance>) -> Scene {

@@ -2,9 +2,9 @@
 
 use glam::{DMat3, DVec3};
 use raykiln_formats::Document;
-use raykiln_formats::contents::Source;
 use raykiln_formats::document::{Attribute, Component, Element};
 use raykiln_formats::edit::{NewAccessor, NewPrimitive, Target};
+use raykiln_formats::record::{Origins, Source};
 use rayon::prelude::*;
 
 use crate::layout::store::{Part, Store, Vertices, rounding_error};
@@ -25,6 +25,8 @@ pub(super) struct Sources<'a> {
 /// The primitives of a rewritten group.
 pub(super) struct Gathered {
     pub(super) primitives: Vec<NewPrimitive>,
+    /// Where their triangles come from.
+    pub(super) origins: Vec<Origins>,
     /// The largest distance between a stored position and the exact one, in units of the group.
     pub(super) position_error: f64,
 }
@@ -66,38 +68,26 @@ pub(super) fn gather(sources: &Sources, content: &Content) -> Option<Gathered> {
         Content::Piece { geometries, .. } | Content::Baked { geometries, .. } => geometries,
     };
     let store = Store::new(sources.scene, content);
-    let gathered: Vec<(NewPrimitive, f64)> =
+    let gathered: Vec<(NewPrimitive, Origins, f64)> =
         parallel::map_each(geometries, &|geometry| gather_geometry(sources, &store, geometry));
-    let position_error = gathered.iter().map(|(_, error)| *error).fold(0.0, f64::max);
-    Some(Gathered { primitives: gathered.into_iter().map(|(primitive, _)| primitive).collect(), position_error })
+    let position_error = gathered.iter().map(|(.., error)| *error).fold(0.0, f64::max);
+    let (primitives, origins) = gathered.into_iter().map(|(primitive, origins, _)| (primitive, origins)).unzip();
+    Some(Gathered { primitives, origins, position_error })
 }
 
-fn gather_geometry(sources: &Sources, store: &Store, geometry: &GroupGeometry) -> (NewPrimitive, f64) {
-    let mut runs = Vec::new();
+fn gather_geometry(sources: &Sources, store: &Store, geometry: &GroupGeometry) -> (NewPrimitive, Origins, f64) {
+    let mut triangles = Vec::new();
     let vertices = store.vertices(geometry, |number, part, triangle| {
-        extend_runs(&mut runs, number, part.geometry.kept.as_ref(), triangle);
+        let kept = part.geometry.kept.as_ref();
+        triangles.push([number, kept.map_or(triangle as u32, |kept| kept[triangle])]);
     });
     let first = &vertices.parts[0];
     let like = (sources.document_mesh(first) as usize, first.geometry.primitive as usize);
     let (attributes, position_error) = Attributes::new(sources, &vertices).all();
-    let primitive = NewPrimitive {
-        attributes,
-        indices: indices(vertices.triangles.as_flattened(), vertices.list.len()),
-        material: geometry.material,
-        like,
-        sources: vertices.parts.iter().map(|part| sources.source(part)).collect(),
-        runs,
-    };
-    (primitive, position_error)
-}
-
-/// Appends a triangle to the runs; extends the last run if it is contiguous.
-fn extend_runs(runs: &mut Vec<[u32; 3]>, part: u32, kept: Option<&Vec<u32>>, triangle: usize) {
-    let triangle = kept.map_or(triangle as u32, |k| k[triangle]);
-    match runs.last_mut() {
-        Some([p, first, count]) if *p == part && *first + *count == triangle => *count += 1,
-        _ => runs.push([part, triangle, 1]),
-    }
+    let indices = indices(vertices.triangles.as_flattened(), vertices.list.len());
+    let primitive = NewPrimitive { attributes, indices, material: geometry.material, like };
+    let sources = vertices.parts.iter().map(|part| sources.source(part)).collect();
+    (primitive, Origins::Each { sources, triangles }, position_error)
 }
 
 fn indices(corners: &[u32], vertices: usize) -> NewAccessor {

@@ -2,21 +2,21 @@
 //!
 //! The extension gives a node a list of copies, each with a translation, a rotation and a scale in single precision.
 //! Everything else stays with the node that a copy represents: that node is emptied, and keeps its name, extras,
-//! children and place. The new node records which node each copy represents (`source.nodes`).
+//! children and place. The record of provenance says which node each copy represents.
 //!
 //! Excluded are pinned instances, those of nodes that already use the extension (whose copies may have attributes of
-//! their own, such as `_ID`), those of nodes without room to record where their mesh went, and those whose transform
-//! cannot be represented this way within the position error allowed, such as shears.
+//! their own, such as `_ID`), and those whose transform cannot be represented this way within the position error allowed, such as shears.
 
 use std::collections::BTreeMap;
 
 use glam::{DAffine3, DVec3};
 use raykiln_formats::Document;
 use raykiln_formats::document::{Component, Element};
-use raykiln_formats::edit::{CopyAttributes, NewAccessor, NewNode, NodeRecord, SourceRecord, Target};
+use raykiln_formats::edit::{CopyAttributes, NewAccessor, NewNode, Target};
 use rayon::prelude::*;
 
-use super::nodes::Shared;
+use super::hierarchy::Hierarchy;
+use super::origins::ShownBy;
 use crate::layout::store::Store;
 use crate::layout::{Content, Layout, Placement};
 use crate::parallel;
@@ -118,41 +118,41 @@ impl Batches {
         scene: &Scene,
         layout: &Layout,
         meshes: &[usize],
-        shared: &mut Shared,
-    ) -> Vec<Option<usize>> {
-        let mut node_of = vec![None; layout.placements.len()];
+        hierarchy: &Hierarchy,
+    ) -> Vec<Option<ShownBy>> {
+        let mut shown_by = vec![None; layout.placements.len()];
         let mut accessors = Accessors::default();
         for batch in &self.list {
-            let node = batch.write(document, scene, layout, meshes, shared, &mut accessors);
-            batch.placements.iter().for_each(|&at| node_of[at] = Some(node));
+            let node = batch.write(document, scene, layout, meshes, hierarchy, &mut accessors);
+            (0..).zip(&batch.placements).for_each(|(copy, &at)| shown_by[at] = Some(ShownBy { node, copy }));
         }
-        node_of
+        shown_by
     }
 }
 
-/// A group, whether its copies are mirrored, and their triangle order.
-type Alike<'a> = (u32, bool, Option<&'a [[u32; 2]]>);
+/// A group, and whether its copies are mirrored.
+type Alike = (u32, bool);
 
-/// Returns groups with at least two placements that may become copies of one node. Copies whose triangles are in a
-/// different order than their model's are grouped separately, because a node has only one record of an order; so are
-/// mirrored ones, because no graphics interface turns the winding of some instances of a draw.
+/// Returns groups with at least two placements that may become copies of one node. Mirrored ones are grouped separately,
+/// because no graphics interface turns the winding of some instances of a draw.
 fn candidates(document: &Document, scene: &Scene, layout: &Layout) -> Vec<(u32, Vec<usize>)> {
     let mut lists: BTreeMap<Alike, Vec<usize>> = BTreeMap::new();
     for (at, placement) in layout.placements.iter().enumerate() {
         let content = &layout.groups[placement.group as usize].content;
-        let may_move = |&i: &InstanceId| may_move(document, scene, i) && !(has_more(document, scene, content));
-        let Some(instance) = placement.instance.filter(may_move) else { continue };
-        let order = scene.stand_in(instance).and_then(|s| s.order.as_ref()).map(|order| order.runs());
+        let may_move = |&i: &InstanceId| may_move(scene, i) && !(has_more(document, scene, content));
+        if placement.instance.filter(may_move).is_none() {
+            continue;
+        }
         let is_mirrored = placement.transform.matrix3.determinant() < 0.0;
-        lists.entry((placement.group, is_mirrored, order)).or_default().push(at);
+        lists.entry((placement.group, is_mirrored)).or_default().push(at);
     }
-    lists.into_iter().filter(|(_, list)| list.len() > 1).map(|((group, ..), list)| (group, list)).collect()
+    lists.into_iter().filter(|(_, list)| list.len() > 1).map(|((group, _), list)| (group, list)).collect()
 }
 
 /// Whether the node of an instance can do without its mesh.
-fn may_move(document: &Document, scene: &Scene, instance: InstanceId) -> bool {
+fn may_move(scene: &Scene, instance: InstanceId) -> bool {
     let instance = &scene.instances[instance.0 as usize];
-    instance.pinned.is_none() && !scene.is_copied(instance.node) && document.has_room_for_record(instance.node as usize)
+    instance.pinned.is_none() && !scene.is_copied(instance.node)
 }
 
 /// Whether a kept mesh has points or lines, whose error is not known.
@@ -200,7 +200,7 @@ impl Batch {
         scene: &Scene,
         layout: &Layout,
         meshes: &[usize],
-        shared: &mut Shared,
+        hierarchy: &Hierarchy,
         accessors: &mut Accessors,
     ) -> usize {
         let is_turned = self.copies.iter().any(|c| c.rotation != NO_ROTATION);
@@ -211,37 +211,17 @@ impl Batch {
             rotation: is_turned.then(|| floats(4, bytes(&self.copies, |c| c.rotation))),
             scale: is_scaled.then(|| floats(3, bytes(&self.copies, |c| c.scale))),
         };
-        let source = self.source(document, scene, layout, shared, accessors);
-        let node = document.add_root(&NewNode {
+        let instances = self.placements.iter().filter_map(|&at| layout.placements[at].instance);
+        let nodes = instances.map(|i| scene.instances[i.0 as usize].node as usize);
+        let below = hierarchy.below_common_ancestor(nodes, &DAffine3::from_translation(self.center));
+        let new = NewNode {
             name: &layout.groups[self.group as usize].name,
             mesh: meshes[self.group as usize],
-            transform: DAffine3::from_translation(self.center),
-        });
-        document.set_copies(node, &copies);
-        document.set_record(node, &NodeRecord { source: Some(source), ..NodeRecord::default() });
-        node
-    }
-
-    /// Returns what the copies represent.
-    fn source(
-        &self,
-        document: &mut Document,
-        scene: &Scene,
-        layout: &Layout,
-        shared: &mut Shared,
-        accessors: &mut Accessors,
-    ) -> SourceRecord {
-        let instances: Vec<InstanceId> =
-            self.placements.iter().filter_map(|&at| layout.placements[at].instance).collect();
-        let nodes: Vec<u32> = instances.iter().map(|i| scene.instances[i.0 as usize].node).collect();
-        let nodes = accessors.numbers(document, &nodes);
-        let Some(first) = instances.iter().find_map(|&i| scene.stand_in(i)) else {
-            return SourceRecord::Copies { nodes, meshes: None, runs: None };
+            transform: below.local,
         };
-        let of: Vec<u32> = instances.iter().map(|&i| scene.document_mesh(i)).collect();
-        let meshes = Some(accessors.numbers(document, &of));
-        let runs = first.order.as_ref().map(|order| shared.order(document, of[0], order));
-        SourceRecord::Copies { nodes, meshes, runs }
+        let node = document.add_node(below.parent, &new);
+        document.set_copies(node, &copies);
+        node
     }
 }
 
@@ -284,12 +264,6 @@ impl Accessors {
     /// Returns an accessor of vectors of floats.
     fn floats(&mut self, document: &mut Document, components: usize, data: Vec<u8>) -> usize {
         self.of(document, Element { component: Component::F32, components, normalized: false }, data)
-    }
-
-    /// Returns an accessor of numbers.
-    fn numbers(&mut self, document: &mut Document, numbers: &[u32]) -> usize {
-        let element = Element { component: Component::U32, components: 1, normalized: false };
-        self.of(document, element, bytemuck::cast_slice(numbers).to_vec())
     }
 
     fn of(&mut self, document: &mut Document, element: Element, data: Vec<u8>) -> usize {

@@ -1,22 +1,20 @@
 //! Writes a layout to a document: groups become meshes, geometries primitives, placements nodes.
 //!
-//! What a layout leaves unchanged stays unchanged in the document. Each node keeps its name, its place in the hierarchy
-//! and its index; emptied nodes and rewritten primitives have `extras.raykiln`:
+//! What a layout leaves unchanged stays unchanged in the document. Each node keeps its name and its place in the hierarchy,
+//! and its index unless nodes are dropped. A record of provenance says for the whole file where each triangle comes from
+//! ([`raykiln_formats::record`]); besides, `extras.raykiln` of nodes has, for people:
 //!
 //! | where | key | meaning |
 //! | --- | --- | --- |
-//! | emptied node | `moved_to` | nodes that now show its triangles |
-//! | emptied node | `mesh` | name and extras of the mesh it placed |
-//! | new child node, renumbered node | `source.node` | the input node it represents |
-//! | node with a copy | `source.node`, `source.mesh` | the input node and mesh it represents |
-//! | node with many copies | `source.nodes`, `source.meshes` | the same for each copy |
-//! | node with a copy | `source.runs` | see [`TriangleOrder`](crate::scene::TriangleOrder); absent if same order |
-//! | unchanged primitive | `source` | mesh and primitive of the input |
-//! | rewritten primitive | `provenance` | see [`Provenance`](raykiln_formats::contents::Provenance) |
+//! | new node | `id` | a number by which other nodes refer to it |
+//! | node whose triangles other nodes show | `moved_to` | the `id`s of those |
+//! | node whose mesh was replaced | `mesh` | name and extras of the mesh |
 
 mod gather;
+mod hierarchy;
 mod instancing;
 mod nodes;
+mod origins;
 mod precision;
 #[cfg(test)]
 mod tests;
@@ -29,12 +27,14 @@ pub use instancing::{Copied, Instancing};
 pub use precision::{Refuse, Settled, settle};
 
 use raykiln_formats::Document;
-use raykiln_formats::edit::CannotPrune;
+use raykiln_formats::edit::{CannotPrune, RecordPlace};
+use raykiln_formats::record::Record;
 
 use crate::layout::{Content, Group, Layout, Placement};
 use crate::parallel;
 use crate::scene::{Scene, most_stretch};
 use gather::{Gathered, Sources};
+use hierarchy::Hierarchy;
 use instancing::Batches;
 
 /// A document written from a layout.
@@ -46,7 +46,7 @@ pub struct Emitted {
     pub position_error: f64,
     /// Statistics on instances that became copies of one node.
     pub copied: Copied,
-    /// Number of nodes dropped by `--prune`.
+    /// Number of nodes dropped: by `--prune`, and those that an earlier bake added and that are empty now.
     pub pruned_nodes: usize,
     /// Notes on what could not be done.
     pub notes: Vec<Note>,
@@ -59,6 +59,8 @@ pub enum Note {
     NothingPruned(CannotPrune),
     /// Unused data stays in the file, because this extension may refer to it.
     MayReferToData(String),
+    /// The extras of the file leave no room for the record of provenance.
+    NoRoomForRecord,
 }
 
 /// Whether a layout leaves each mesh and instance of its scene unchanged.
@@ -79,6 +81,8 @@ pub struct Options {
     pub prune: bool,
     /// How several instances of a mesh are written.
     pub instancing: Instancing,
+    /// Where the record of provenance is written.
+    pub record: RecordPlace,
 }
 
 /// Writes the document that shows `layout`, based on the document that the scene was loaded from.
@@ -97,42 +101,57 @@ pub fn emit(doc: &Document, scene: &Scene, layout: &Layout, options: &Options) -
     let position_error = stored.fold(batches.error, f64::max);
 
     let mut document = doc.clone();
-    let mut notes = Vec::new();
-    document.forget_node_sources();
-    mark_untouched(&mut document, scene);
-    let meshes: Vec<usize> = layout
+    document.forget_node_records(scene.provenance.record().is_some());
+    let (meshes, lists): (Vec<usize>, Vec<_>) = layout
         .groups
         .iter()
         .zip(gathered)
         .map(|(group, gathered)| match (gathered, &group.content) {
-            (Some(gathered), _) => document.add_mesh(&group.name, gathered.primitives),
-            (None, Content::Kept(mesh)) => scene.meshes[mesh.0 as usize].source as usize,
+            (Some(gathered), _) => (document.add_mesh(&group.name, gathered.primitives), gathered.origins),
+            (None, Content::Kept(mesh)) => {
+                let mesh = &scene.meshes[mesh.0 as usize];
+                let source = mesh.source as usize;
+                (source, origins::of_kept(mesh, doc.primitive_count(source)))
+            }
             (None, _) => unreachable!("only kept meshes are not gathered"),
         })
-        .collect();
-    nodes::place(&mut document, scene, layout, &meshes, &batches);
-    let pruned_nodes = if options.prune { prune(&mut document, scene, &mut notes) } else { 0 };
+        .unzip();
+    let shown_by = nodes::place(&mut document, scene, layout, &meshes, &batches, &Hierarchy::of(doc));
+    let mut record = origins::record(scene, layout, lists, &shown_by, document.node_count());
+    note_moves(&mut document, &record);
+    let mut notes = Vec::new();
+    let pruned_nodes = drop_nodes(&mut document, &mut record, options, &mut notes);
     if let Some(extension) = document.compact().held_by {
         notes.push(Note::MayReferToData(extension));
     }
     document.forget_extensions_gone_since(doc);
+    if !document.set_record(&record, options.record) {
+        notes.push(Note::NoRoomForRecord);
+    }
     Emitted { document, position_error, copied: batches.copied, pruned_nodes, notes }
 }
 
-/// Records on each primitive of the scene that it is the input's primitive. The records of primitives that a layout
-/// rewrites vanish with their mesh; the others keep theirs when meshes are renumbered.
-fn mark_untouched(document: &mut Document, scene: &Scene) {
-    for mesh in &scene.meshes {
-        for geometry in &mesh.geometries {
-            document.set_primitive_source(mesh.source as usize, geometry.primitive as usize);
-        }
+/// Records, of each node whose triangles others show, which do.
+fn note_moves(document: &mut Document, record: &Record) {
+    let moves = origins::moves(record);
+    document.identify_nodes(&moves.values().flatten().copied().collect());
+    for (node, shown_by) in moves {
+        document.set_moved_to(node, &shown_by);
     }
 }
 
-/// Drops empty nodes; returns how many were dropped, and adds a note if none could be.
-fn prune(document: &mut Document, scene: &Scene, notes: &mut Vec<Note>) -> usize {
-    document.drop_empty_nodes(scene.nodes).unwrap_or_else(|cause| {
-        notes.push(Note::NothingPruned(cause));
-        0
-    })
+/// Drops the empty nodes that nothing refers to: those that an earlier bake added and, with `--prune`, all. Returns how many
+/// were dropped, and adds a note if none could be.
+fn drop_nodes(document: &mut Document, record: &mut Record, options: &Options, notes: &mut Vec<Note>) -> usize {
+    let may_go = |node: usize| options.prune || record.nodes.get(node).is_some_and(Option::is_none);
+    match document.drop_empty_nodes(may_go) {
+        Ok(numbers) => {
+            origins::renumber(record, &numbers);
+            numbers.iter().filter(|number| number.is_none()).count()
+        }
+        Err(cause) => {
+            notes.extend(options.prune.then_some(Note::NothingPruned(cause)));
+            0
+        }
+    }
 }

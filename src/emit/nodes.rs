@@ -1,14 +1,16 @@
-//! Turns placements into nodes; nodes that lose their triangles record where they went.
+//! Turns placements into nodes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DAffine3;
 use raykiln_formats::Document;
-use raykiln_formats::edit::{NewNode, NodeRecord, SourceRecord};
+use raykiln_formats::edit::NewNode;
 
+use super::hierarchy::Hierarchy;
 use super::instancing::Batches;
+use super::origins::ShownBy;
 use crate::layout::{Content, Layout};
-use crate::scene::{InstanceId, Scene, StandIn, TriangleOrder};
+use crate::scene::{InstanceId, Scene, StandIn};
 
 /// Changes to an input node whose mesh does not stay.
 #[derive(Default)]
@@ -19,40 +21,27 @@ struct Change<'a> {
     pieces: Vec<u32>,
     /// The stand-in for its mesh.
     stand_in: Option<&'a StandIn>,
-    /// New nodes that hold triangles of its instances.
-    moved_to: Vec<usize>,
-}
-
-/// Data shared by all nodes that placed one mesh.
-#[derive(Default)]
-pub(super) struct Shared {
-    /// By document mesh, the mesh of its points and lines, if it has any.
-    remainders: BTreeMap<u32, Option<usize>>,
-    /// By document mesh, the accessor that maps triangles of its stand-in to its own.
-    orders: BTreeMap<u32, usize>,
-}
-
-impl Shared {
-    /// Returns the accessor that maps triangles of a document mesh's stand-in to its own.
-    pub(super) fn order(&mut self, document: &mut Document, mesh: u32, order: &TriangleOrder) -> usize {
-        *self.orders.entry(mesh).or_insert_with(|| document.add_scalars(order.runs().as_flattened()))
-    }
+    /// Whether other nodes, which are not below it, show its triangles.
+    moved: bool,
 }
 
 /// Makes the nodes of `document` place `meshes`, one per group of the layout; placements in `batches` become copies of
-/// one node.
-pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, meshes: &[usize], batches: &Batches) {
+/// one node. Returns the node that shows each placement.
+pub(super) fn place(
+    document: &mut Document,
+    scene: &Scene,
+    layout: &Layout,
+    meshes: &[usize],
+    batches: &Batches,
+    hierarchy: &Hierarchy,
+) -> Vec<ShownBy> {
     let mut changes: BTreeMap<u32, Change> = BTreeMap::new();
-    let mut shared = Shared::default();
-    let copied = batches.write(document, scene, layout, meshes, &mut shared);
-    for (placement, copied) in layout.placements.iter().zip(copied) {
+    let mut shown_by = batches.write(document, scene, layout, meshes, hierarchy);
+    for (placement, shown_by) in layout.placements.iter().zip(&mut shown_by) {
         let group = &layout.groups[placement.group as usize];
-        let mesh = meshes[placement.group as usize];
         let stand_in = placement.instance.and_then(|i| scene.stand_in(i));
         match (&group.content, placement.instance) {
-            (_, Some(instance)) if copied.is_some() => {
-                change_of(scene, instance, &mut changes).moved_to.extend(copied);
-            }
+            (_, Some(instance)) if shown_by.is_some() => change_of(scene, instance, &mut changes).moved = true,
             (Content::Kept(_), _) if stand_in.is_none() => {}
             (Content::Kept(_) | Content::Piece { .. }, Some(instance)) => {
                 let change = change_of(scene, instance, &mut changes);
@@ -63,15 +52,31 @@ pub(super) fn place(document: &mut Document, scene: &Scene, layout: &Layout, mes
                 }
             }
             (content, _) => {
-                let new = NewNode { name: &group.name, mesh, transform: placement.transform };
-                let node = document.add_root(&new);
-                note_moves(scene, content, node, &mut changes);
+                let sources = instances_of(content);
+                let nodes = sources.iter().map(|i| scene.instances[i.0 as usize].node as usize);
+                let below = hierarchy.below_common_ancestor(nodes, &placement.transform);
+                let mesh = meshes[placement.group as usize];
+                let new = NewNode { name: &group.name, mesh, transform: below.local };
+                *shown_by = Some(ShownBy { node: document.add_node(below.parent, &new), copy: 0 });
+                sources.into_iter().for_each(|instance| change_of(scene, instance, &mut changes).moved = true);
             }
         }
     }
+    let mut remainders = BTreeMap::new();
+    let mut of_pieces = BTreeMap::new();
     for (node, change) in changes {
-        rewrite(document, layout, meshes, node as usize, change, &mut shared);
+        rewrite(document, layout, meshes, node, change, &mut remainders, &mut of_pieces);
     }
+    let placements = layout.placements.iter().zip(shown_by);
+    let in_place = |(placement, shown_by): (&crate::layout::Placement, Option<ShownBy>)| {
+        let at_node = || {
+            let instance = &scene.instances[placement.instance.expect("only baked groups have no instance").0 as usize];
+            let node = of_pieces.get(&(instance.node, placement.group)).copied();
+            ShownBy { node: node.unwrap_or(instance.node as usize), copy: instance.copy }
+        };
+        shown_by.unwrap_or_else(at_node)
+    };
+    placements.map(in_place).collect()
 }
 
 /// Returns the change of the node of an instance.
@@ -84,37 +89,30 @@ fn change_of<'a, 'c>(
     changes.entry(node).or_insert_with(|| Change { mesh: scene.document_mesh(instance), ..Change::default() })
 }
 
-/// Records for each node with triangles in a baked group that `node` now shows them.
-fn note_moves(scene: &Scene, content: &Content, node: usize, changes: &mut BTreeMap<u32, Change>) {
-    let Content::Baked { geometries, .. } = content else { return };
-    let mut instances: Vec<u32> = geometries.iter().flat_map(|g| g.triangles.iter().map(|t| t.instance)).collect();
-    instances.sort_unstable();
-    instances.dedup();
-    for instance in instances {
-        let change = change_of(scene, InstanceId(instance), changes);
-        if change.moved_to.last() != Some(&node) {
-            change.moved_to.push(node);
-        }
-    }
+/// Returns the instances whose triangles a baked group has.
+fn instances_of(content: &Content) -> BTreeSet<InstanceId> {
+    let Content::Baked { geometries, .. } = content else { return BTreeSet::new() };
+    geometries.iter().flat_map(|g| g.triangles.iter().map(|t| InstanceId(t.instance))).collect()
 }
 
-/// Removes the mesh of a node, adds its pieces or its stand-in as children, and records the change.
+/// Removes the mesh of a node, adds its pieces or its stand-in as children, and records which mesh it was. Adds the new
+/// nodes to `of_pieces`, by the node that they are below and their group; `remainders` has, by document mesh, the mesh of
+/// its points and lines, if it has any.
 fn rewrite(
     document: &mut Document,
     layout: &Layout,
     meshes: &[usize],
-    node: usize,
-    mut change: Change,
-    shared: &mut Shared,
+    number: u32,
+    change: Change,
+    remainders: &mut BTreeMap<u32, Option<usize>>,
+    of_pieces: &mut BTreeMap<(u32, u32), usize>,
 ) {
+    let node = number as usize;
     let remainder =
-        *shared.remainders.entry(change.mesh).or_insert_with(|| document.add_points_and_lines_of(change.mesh as usize));
-    let source = source(document, node, &change, shared);
+        *remainders.entry(change.mesh).or_insert_with(|| document.add_points_and_lines_of(change.mesh as usize));
     let replaced = match (change.pieces.as_slice(), remainder) {
         (_, Some(points_and_lines)) => Some(points_and_lines),
-        ([piece], None) if change.moved_to.is_empty() && fits_in_place(document, layout, node, &change) => {
-            Some(meshes[*piece as usize])
-        }
+        ([piece], None) if !change.moved && fits_in_place(layout, &change) => Some(meshes[*piece as usize]),
         _ => None,
     };
     let in_place = remainder.is_none() && replaced.is_some();
@@ -131,26 +129,15 @@ fn rewrite(
                     transform: change.stand_in.map_or(frame, |s| s.motion * frame),
                 },
             );
-            document.set_record(child, &NodeRecord { source: Some(source), ..NodeRecord::default() });
-            change.moved_to.push(child);
+            of_pieces.insert((number, piece), child);
         }
     }
+    document.set_placed_mesh(node, change.mesh as usize);
     document.set_mesh(node, replaced);
-    let source = (in_place && change.stand_in.is_some()).then_some(source);
-    let record = NodeRecord { moved_to: change.moved_to, placed_mesh: Some(change.mesh as usize), source };
-    document.set_record(node, &record);
 }
 
-/// Returns what nodes that show the triangles of a node represent.
-fn source(document: &mut Document, node: usize, change: &Change, shared: &mut Shared) -> SourceRecord {
-    let Some(stand_in) = change.stand_in else { return SourceRecord::Node { node, mesh: None, runs: None } };
-    let runs = stand_in.order.as_ref().map(|order| shared.order(document, change.mesh, order));
-    SourceRecord::Node { node, mesh: Some(change.mesh as usize), runs }
-}
-
-/// Whether a node can itself place the replacement of its mesh: nothing moves, and there is room to record it.
-fn fits_in_place(document: &Document, layout: &Layout, node: usize, change: &Change) -> bool {
+/// Whether a node can itself place the replacement of its mesh: nothing moves.
+fn fits_in_place(layout: &Layout, change: &Change) -> bool {
     let turns = |&piece: &u32| layout.groups[piece as usize].content.piece_frame() != DAffine3::IDENTITY;
-    !change.pieces.iter().any(turns)
-        && change.stand_in.is_none_or(|s| s.motion == DAffine3::IDENTITY && document.has_room_for_record(node))
+    !change.pieces.iter().any(turns) && change.stand_in.is_none_or(|s| s.motion == DAffine3::IDENTITY)
 }

@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use glam::{DAffine3, DVec3, dvec3};
 use raykiln_formats::Document;
 use raykiln_formats::document::Kind;
+use raykiln_formats::record::Origins;
 use serde_json::{Value, json};
 
 use super::*;
@@ -42,6 +43,7 @@ pub(super) fn document(nodes: Value, mesh: Value) -> Document {
         warnings: Vec::new(),
         in_memory: None,
         residuals: Default::default(),
+        sidecar: None,
     }
 }
 
@@ -157,7 +159,8 @@ fn emptied_nodes_keep_name_and_extras_and_say_where_their_triangles_went() {
     assert_eq!(json["nodes"][0]["name"], "left");
     assert_eq!(json["nodes"][0]["extras"]["user"], 1);
     assert!(json["nodes"][0].get("mesh").is_none());
-    assert_eq!(json["nodes"][0]["extras"]["raykiln"]["moved_to"], json!([2]));
+    assert_eq!(json["nodes"][0]["extras"]["raykiln"]["moved_to"], json!([0]));
+    assert_eq!(json["nodes"][2]["extras"]["raykiln"]["id"], 0);
     let mesh = &json["nodes"][1]["extras"]["raykiln"]["mesh"];
     assert_eq!(*mesh, json!({"name": "quad", "extras": {"owner": "me"}}));
     assert_eq!(json["scenes"][0]["nodes"], json!([0, 1, 2]));
@@ -170,13 +173,11 @@ fn provenance_names_node_mesh_primitive_and_triangles() {
     let doc = two_nodes();
     let scene = load(&doc);
     let after = load(&emit(&doc, &scene, &baked(&scene), &Options::default()).document);
-    let Some(raykiln_formats::contents::Provenance::Runs { sources, runs }) = &after.meshes[0].geometries[0].provenance
-    else {
-        panic!("no runs: {:?}", after.meshes[0].geometries[0].provenance)
-    };
-    let nodes: Vec<Option<u32>> = sources.iter().map(|s| s.node).collect();
-    assert_eq!(nodes, [Some(0), Some(1)]);
-    assert_eq!(*runs, [[0, 0, 2], [1, 0, 2]]);
+    let record = after.provenance.record().expect("a record");
+    let [Origins::Each { sources, triangles }] = record.lists[0].as_slice() else { panic!("{record:?}") };
+    assert_eq!(sources.iter().map(|s| s.node).collect::<Vec<_>>(), [Some(0), Some(1)]);
+    assert_eq!(*triangles, [[0, 0], [0, 1], [1, 0], [1, 1]]);
+    assert_eq!((record.input, record.nodes.as_slice()), (scene.geometry, &[Some(0), Some(1), None][..]));
 }
 
 #[test]
@@ -223,7 +224,13 @@ fn pieces_hang_under_every_node_that_placed_the_mesh() {
     assert_eq!(shown(&scene), shown(&after));
     assert_eq!(after.meshes.len(), 2);
     assert_eq!(document.json["nodes"][1]["children"].as_array().map(Vec::len), Some(2));
-    assert_eq!(after.instances[3].source_node, 1);
+    assert_eq!(stands_for(&after, 3), Some(1));
+}
+
+/// The node of the input that an instance stands for.
+fn stands_for(after: &Scene, instance: usize) -> Option<u32> {
+    let instance = &after.instances[instance];
+    Some(after.provenance.record()?.placed(instance.node, instance.copy)?.input?.0)
 }
 
 /// Puts the first triangle of the mesh in one piece and the second in another, for all instances.
@@ -268,7 +275,8 @@ fn opened_instances_below_a_shared_parent_stay_in_their_place() {
     assert_eq!(shown(&scene), shown(&after));
     assert_eq!((after.meshes.len(), after.instances.len()), (2, 8));
     assert_eq!(document.json["nodes"][5]["children"], json!([6, 11, 12]), "pieces hang beside the node's own child");
-    assert!(after.instances.iter().all(|i| i.source_node != i.node && i.source_node >= 3));
+    let of = |i: usize| (stands_for(&after, i).expect("it stands for a node"), after.instances[i].node);
+    assert!((0..8).map(of).all(|(input, node)| input != node && input >= 3));
 }
 
 #[test]
@@ -349,7 +357,10 @@ fn pruning_drops_emptied_nodes_but_none_that_something_refers_to() {
     assert_eq!(emitted.pruned_nodes, 1);
     let nodes = emitted.document.json["nodes"].as_array().expect("nodes remain");
     assert_eq!(nodes.iter().map(|n| n["name"].as_str()).collect::<Vec<_>>(), [Some("mirrored"), Some("all")]);
-    assert_eq!(nodes[0]["extras"]["raykiln"]["moved_to"], json!([1]));
+    assert_eq!(
+        nodes[0]["extras"]["raykiln"]["moved_to"],
+        nodes[1]["extras"]["raykiln"].get("id").map(|id| json!([id])).unwrap()
+    );
     assert_eq!(shown(&load(&emitted.document)).len(), 4);
 }
 
@@ -370,9 +381,9 @@ fn renumbered_nodes_say_which_node_of_the_input_they_are() {
     let emitted = emit(&doc, &scene, &kept, &pruned());
     assert_eq!(emitted.pruned_nodes, 1);
     let after = load(&emitted.document);
-    assert_eq!((after.instances[0].node, after.instances[0].source_node), (0, 1));
+    assert_eq!((after.instances[0].node, stands_for(&after, 0)), (0, Some(1)));
     let again = load(&emit(&emitted.document, &after, &kept, &Options::default()).document);
-    assert_eq!(again.instances[0].source_node, 0, "an earlier bake's record does not outlive the next bake");
+    assert_eq!(stands_for(&again, 0), Some(1), "it leads to the first input");
 }
 
 #[test]

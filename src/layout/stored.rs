@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use raykiln_formats::record::{GeometryHash, Provenance};
 use rayon::prelude::*;
 
 use super::store::{Store, Vertices};
@@ -27,6 +28,8 @@ pub fn stored(scene: &Scene, layout: &Layout) -> Scene {
         images: scene.images.clone(),
         cameras: scene.cameras.clone(),
         nodes: scene.nodes,
+        provenance: Provenance::Unrecorded,
+        geometry: GeometryHash::default(),
         copied_nodes: scene.copied_nodes.clone(),
         stand_ins: Arc::default(),
         boxes: Known::default(),

@@ -38,17 +38,7 @@ impl SceneBuilder {
     /// Places a mesh.
     pub(crate) fn place(&mut self, mesh: MeshId, name: &str, transform: DAffine3) -> &mut Instance {
         let node = self.0.instances.len() as u32;
-        let instance = Instance {
-            name: name.into(),
-            node,
-            source_node: node,
-            source_copy: None,
-            source_index: 0,
-            copy: 0,
-            mesh,
-            transform,
-            pinned: None,
-        };
+        let instance = Instance { name: name.into(), node, copy: 0, mesh, transform, pinned: None };
         self.0.instances.push(instance);
         &mut self.0.instances[node as usize]
     }

@@ -44,7 +44,6 @@ impl MovingScene {
         let copied = |instance: &Instance| Instance {
             mesh: MeshId(first_mesh + instance.mesh.0),
             node: moving.scene.nodes as u32,
-            source_node: moving.scene.nodes as u32,
             ..instance.clone()
         };
         let of_copy: Vec<Instance> = model.instances.iter().map(copied).collect();

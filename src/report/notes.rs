@@ -85,12 +85,12 @@ impl Display for Stay {
 impl Display for emit::Note {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         match self {
-            emit::Note::NothingPruned(CannotPrune::Extension(extension)) => {
+            emit::Note::NothingPruned(CannotPrune(extension)) => {
                 write!(f, "no node was pruned: the extension {extension} may refer to it")
             }
-            emit::Note::NothingPruned(CannotPrune::NoRoom) => {
-                f.write_str("no node was pruned: the extras of a node leave no room to record its old number")
-            }
+            emit::Note::NoRoomForRecord => f.write_str(
+                "there is no record of provenance: the extras of the file are not an object; --record sidecar has room",
+            ),
             emit::Note::MayReferToData(extension) => {
                 write!(f, "unused data stays in the file: the extension {extension} may refer to it")
             }

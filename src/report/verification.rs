@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Serialize, Serializer};
 
 use super::words::{counted, grouped};
+use crate::verify::regrouped::Regrouped;
 use crate::verify::seams::Seams;
 use crate::verify::sight::CannotTell;
 use crate::verify::{Failure, FaultKind, Mismatch, Note, OpaqueTextures, Side, Target, Verification, WhyCpu, Wrong};
@@ -47,6 +48,7 @@ impl Display for Failure {
                 }
             }
             Failure::Differs(difference) => write!(f, "{difference}"),
+            Failure::Regrouped(found) => f.write_str(&regrouped(found)),
             Failure::Rays { mismatches, rays, examples } => {
                 let examples: Vec<String> = examples.iter().map(ToString::to_string).collect();
                 write!(f, "{mismatches} of {rays} rays see something else: {}", examples.join("; "))
@@ -134,6 +136,21 @@ impl Display for FaultKind {
     }
 }
 
+/// Says which BLAS groups are not what they were.
+fn regrouped(found: &Regrouped) -> String {
+    let kinds = [
+        (&found.merged, "object of the output has", "objects of the output have", "triangles of several objects"),
+        (&found.split, "object is", "objects are", "split into several"),
+        (&found.unshared, "mesh is", "meshes are", "no longer shared by the objects that place it"),
+    ];
+    let said = kinds.into_iter().filter_map(|(found, one, many, what)| {
+        let (count, first) = found.as_ref()?;
+        let objects = if *count == 1 { one } else { many };
+        Some(format!("{count} {objects} {what}, the first at {first}"))
+    });
+    format!("the layout is another: {}", said.collect::<Vec<_>>().join("; "))
+}
+
 impl Display for Note {
     fn fmt(&self, f: &mut Formatter) -> fmt::Result {
         match self {
@@ -149,15 +166,19 @@ impl Display for Note {
             Note::CannotTell(what) => write!(f, "{what}; the exact comparison can"),
             Note::RecordedElsewhere(count, first) => write!(
                 f,
-                "{} not the one that the output records, the first {first}; another tool may have changed the file since",
+                "{} not the one that the output records, the first {first}",
                 are(*count)
             ),
-            Note::OfAnotherInput(confirmed) => write!(
-                f,
-                "only {} where the output records it: the record is of another input or out of date, and nothing here \
-                 relies on it",
-                lies(*confirmed)
+            Note::RecordOfAnotherInput => f.write_str(
+                "the record of provenance leads to another input: triangles are compared by their place alone",
             ),
+            Note::StaleRecord => f.write_str(
+                "the record of provenance is stale, as the file was changed after the bake: triangles are compared by their \
+                 place alone",
+            ),
+            Note::DamagedRecord(cause) => {
+                write!(f, "the record of provenance cannot be used: {cause}; triangles are compared by their place alone")
+            }
             Note::Seams(seams) => write!(f, "{}; corners are off, as allowed", cracks(seams)),
             Note::Differs(difference) => write!(f, "{difference}"),
             Note::Degenerate(side, count, first) => write!(
@@ -190,10 +211,6 @@ fn file(side: Side) -> &'static str {
 
 fn are(triangles: u64) -> String {
     format!("{} {}", counted(triangles as usize, "triangle"), if triangles == 1 { "is" } else { "are" })
-}
-
-fn lies(triangles: u64) -> String {
-    format!("{} {}", counted(triangles as usize, "triangle"), if triangles == 1 { "lies" } else { "lie" })
 }
 
 impl Display for WhyCpu {

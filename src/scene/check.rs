@@ -121,9 +121,6 @@ mod tests {
             instances: vec![Instance {
                 name: "one".into(),
                 node: 0,
-                source_node: 0,
-                source_copy: None,
-                source_index: 0,
                 copy: 0,
                 mesh: MeshId(0),
                 transform: DAffine3::IDENTITY,

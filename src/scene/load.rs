@@ -46,6 +46,8 @@ pub fn load(doc: &Document, options: &LoadOptions) -> Result<(Scene, Vec<Warning
         instances: instances(doc, &contents, &shown, &meshes, &mesh_ids)?,
         cameras: cameras(&contents, &shown),
         nodes: contents.nodes.len(),
+        provenance: contents.provenance,
+        geometry: contents.geometry,
         copied_nodes: (0u32..).zip(&contents.nodes).filter(|(_, n)| n.copies.is_some()).map(|(i, _)| i).collect(),
         materials: contents.materials,
         images: Vec::new(),
@@ -186,7 +188,6 @@ fn load_mesh(
             residuals: triangles.residuals,
             triangles: triangles.corners,
             kept: triangles.kept,
-            provenance: p.provenance.take(),
         });
         first_triangle += count;
     }
@@ -215,15 +216,10 @@ fn instances(
             }
             let singular = is_singular(&transform).then_some(Pinned::Singular);
             let scaled = (in_mesh_units && !is_rigid(&transform)).then_some(Pinned::MeshUnits);
-            let own_source = node.copy_sources.get(copy);
-            let source_of = own_source.or(node.source.as_ref());
             instances.push(Instance {
                 name: name.clone(),
                 node: s.node as u32,
-                source_node: source_of.map_or(s.node as u32, |source| source.node),
-                source_copy: source_of.and_then(|source| source.copy_of.clone()),
                 copy: copy as u32,
-                source_index: if own_source.is_some() { 0 } else { copy as u32 },
                 mesh,
                 transform,
                 pinned: s.pinned.or_else(|| instance_pin(contents, node, source)).or(singular).or(scaled),

@@ -31,7 +31,8 @@ pub(crate) use reading::most_stretch;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
-pub use raykiln_formats::contents::{Camera, CopyOf, Hold, Opacity, Source, TriangleOrder};
+pub use raykiln_formats::contents::{Camera, Hold, Opacity, TriangleOrder};
+use raykiln_formats::record::{GeometryHash, Provenance};
 pub use scene_core::Core;
 pub use stand_in::{Origin, StandIn};
 
@@ -59,6 +60,10 @@ pub struct Scene {
     pub cameras: Vec<PlacedCamera>,
     /// Number of nodes in the document.
     pub nodes: usize,
+    /// Where the triangles come from, if the document is the output of a bake.
+    pub provenance: Provenance,
+    /// Hash of the document's geometry.
+    pub geometry: GeometryHash,
     /// Nodes whose mesh `EXT_mesh_gpu_instancing` copies, in ascending order.
     pub copied_nodes: Vec<u32>,
     /// By instance, what its mesh stands in for, as given by an [`Overlay`]; empty for a scene as loaded.
@@ -119,8 +124,6 @@ pub struct Geometry {
     pub triangles: Vec<[u32; 3]>,
     /// For each triangle, its index in the document's primitive; `None` if the indices are equal.
     pub kept: Option<Vec<u32>>,
-    /// For each triangle, the input triangle it was made from, if the document is the output of a bake.
-    pub provenance: Option<raykiln_formats::contents::Provenance>,
 }
 
 /// One TLAS entry: a mesh and an affine transform.
@@ -130,17 +133,8 @@ pub struct Instance {
     pub name: String,
     /// Node of the document.
     pub node: u32,
-    /// Node of the input that this instance represents: `extras.raykiln.source.node` of the node if present (in the
-    /// output of a bake), else `node`.
-    pub source_node: u32,
-    /// The mesh of the input that this instance represents, if it places a copy of that mesh: the rest of
-    /// `extras.raykiln.source` (in the output of a bake).
-    pub source_copy: Option<CopyOf>,
     /// Index of the copy within the node (`EXT_mesh_gpu_instancing`), else 0.
     pub copy: u32,
-    /// Index of the copy within `source_node`: 0 if the copies of the node represent nodes of their own (in the output
-    /// of a bake), else `copy`.
-    pub source_index: u32,
     /// The mesh that is placed.
     pub mesh: MeshId,
     /// World from mesh, finite.

@@ -312,7 +312,9 @@ pub(super) fn position_bound(scene: &Scene, instance: InstanceId, allowed: f64) 
     let reach = scene.meshes[of.mesh.0 as usize].reach();
     let in_double = |largest: DVec3| 8.0 * f64::EPSILON * (there * largest + of.transform.translation.abs());
     let rounded = (SINGLE * (there * reach) + in_double(reach)).length();
-    if of.source_copy.is_some() || of.copy > 0 { rounded.max(allowed) } else { rounded }
+    let placed = scene.provenance.record().and_then(|record| record.placed(of.node, of.copy));
+    let stands_in = placed.is_some_and(|placed| placed.stands_in);
+    if stands_in || scene.is_copied(of.node) { rounded.max(allowed) } else { rounded }
 }
 
 #[cfg(test)]

@@ -2,35 +2,53 @@
 
 use std::ops::Range;
 
-use raykiln_formats::contents::{Provenance, Source};
+use raykiln_formats::record::{Placed, Record};
+use rayon::prelude::*;
 
-use crate::scene::{CopyOf, Geometry, Instance, InstanceId, Scene, TriangleRef};
+use crate::scene::{Geometry, InstanceId, Mesh, Scene, TriangleRef};
 
 /// Maps the placed triangles of a file (`after`) to those of the file it was made from (`before`).
 ///
-/// The provenance of a geometry determines its sources; a geometry without provenance represents itself: same node,
-/// copy, mesh, primitive and triangle. An instance that places a copy names the copied mesh, and the copy's triangles
-/// map to that mesh's. Invalid provenance maps to nothing. A file whose provenance all equals its input's is the input:
-/// its provenance refers to another, earlier file, and every triangle represents itself.
+/// The record of `after` says where each of its triangles comes from in the file that it names. If that is `before`, the
+/// record is followed. If `before` has a record that leads to the same file, both are followed, and triangles of both that
+/// come from one are the same. Otherwise every triangle represents itself: same node, copy, mesh, primitive and triangle.
 pub struct Identity<'a> {
     before: &'a Scene,
     after: &'a Scene,
     /// Instances of `before` by node and copy, sorted.
     placed: Vec<(u32, u32, u32)>,
-    /// Meshes of `before` by their index in its file, sorted.
-    meshes: Vec<(u32, u32)>,
-    /// The first triangle of every run, for each mesh of `after` and each of its geometries.
-    starts: Vec<Vec<Vec<u64>>>,
-    unchanged: bool,
+    way: Way<'a>,
 }
 
-/// A primitive of `before` as placed by an instance.
-#[derive(Clone, Copy)]
-struct Piece<'a> {
-    instance: u32,
-    geometry: &'a Geometry,
-    /// The mesh that the instance copies, if the geometry is part of a copy, and its number of triangles.
-    copy: Option<(&'a CopyOf, u32)>,
+/// What leads from a triangle of the output to one of the input.
+enum Way<'a> {
+    /// Its own numbers.
+    Own,
+    /// The record of the output.
+    Recorded(&'a Record),
+    /// The records of both: the triangles of `before` by those of the first input, sorted.
+    Common { after: &'a Record, before: Vec<(First, TriangleRef)> },
+}
+
+/// A triangle of the first input: node, copy, mesh, primitive, number.
+type First = [u32; 5];
+
+/// How the output's record is related to the input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relation {
+    /// There is no record that can be used.
+    NoRecord,
+    /// It is a record of another input.
+    OtherInput,
+    /// It leads to the input, or the input was made from what it leads to.
+    Leads,
+}
+
+/// Returns how the record of `after` is related to `before`.
+pub fn relation(before: &Scene, after: &Scene) -> Relation {
+    let Some(record) = after.provenance.record() else { return Relation::NoRecord };
+    let of_before = before.provenance.record().is_some_and(|first| first.input == record.input);
+    if record.input == before.geometry || of_before { Relation::Leads } else { Relation::OtherInput }
 }
 
 impl<'a> Identity<'a> {
@@ -38,10 +56,12 @@ impl<'a> Identity<'a> {
     pub fn new(before: &'a Scene, after: &'a Scene) -> Self {
         let mut placed: Vec<_> = (0u32..).zip(&before.instances).map(|(i, at)| (at.node, at.copy, i)).collect();
         placed.sort_unstable();
-        let mut meshes: Vec<_> = (0u32..).zip(before.meshes.iter()).map(|(i, mesh)| (mesh.source, i)).collect();
-        meshes.sort_unstable();
-        let starts = after.meshes.iter().map(|m| m.geometries.iter().map(run_starts).collect()).collect();
-        Identity { before, after, placed, meshes, starts, unchanged: is_unchanged(before, after) }
+        let way = match (relation(before, after), after.provenance.record()) {
+            (Relation::Leads, Some(record)) if record.input == before.geometry => Way::Recorded(record),
+            (Relation::Leads, Some(record)) => Way::Common { after: record, before: by_first(before) },
+            _ => Way::Own,
+        };
+        Identity { before, after, placed, way }
     }
 
     /// Returns the scenes: `before` and `after`.
@@ -64,87 +84,54 @@ impl<'a> Identity<'a> {
         triangles: Range<usize>,
     ) -> impl Iterator<Item = Option<TriangleRef>> + '_ {
         let placing = &self.after.instances[instance as usize];
-        let of = &self.after.meshes[placing.mesh.0 as usize].geometries[geometry];
-        let starts = &self.starts[placing.mesh.0 as usize][geometry];
-        let whole = self.whole(placing, of);
-        // Consecutive triangles usually share their run and its source, so the last ones are kept.
-        let (mut run, mut from) = (0, (u32::MAX, None));
+        let mesh = &self.after.meshes[placing.mesh.0 as usize];
+        let of = &mesh.geometries[geometry];
+        let recorded = match &self.way {
+            Way::Own => None,
+            Way::Recorded(record) | Way::Common { after: record, .. } => Some(*record),
+        };
+        let origins = recorded.and_then(|record| record.origins(placing.node, placing.copy, of.primitive));
+        // Consecutive triangles usually share their source, so the last one is kept.
+        let mut last = ([u32::MAX; 4], None);
         triangles.map(move |triangle| {
-            let in_file = of.kept.as_ref().map_or(triangle as u32, |kept| kept[triangle]);
-            let Some(Provenance::Runs { sources, runs }) = of.provenance.as_ref().filter(|_| !self.unchanged) else {
-                return whole?.triangle(in_file);
+            let in_file = number_in_file(of, triangle);
+            let first = match (recorded, origins) {
+                (None, _) => [placing.node, placing.copy, mesh.source, of.primitive, in_file],
+                (Some(_), origins) => first(origins?, in_file)?,
             };
-            run = run_of(starts, u64::from(in_file), run)?;
-            let &[source, first, _] = runs.get(run)?;
-            if from.0 != source {
-                from = (source, self.run_source(placing, sources.get(source as usize)?));
+            if let Way::Common { before, .. } = &self.way {
+                return before.binary_search_by_key(&first, |(first, _)| *first).ok().map(|at| before[at].1);
             }
-            from.1?.triangle(u32::try_from(u64::from(first) + u64::from(in_file) - starts[run]).ok()?)
+            let [node, copy, mesh, primitive, number] = first;
+            let source = [node, copy, mesh, primitive];
+            if last.0 != source {
+                last = (source, self.piece(source));
+            }
+            last.1.as_ref()?.triangle(number)
         })
     }
 
     /// Returns the number of placed triangles of `after` that represent triangles of `before`.
     pub fn known(&self) -> u64 {
-        use rayon::prelude::*;
         let of_chunk = |c: &Chunk| self.sources(c.instance, c.geometry, c.triangles.clone()).flatten().count() as u64;
         chunks(self.after).par_iter().map(of_chunk).sum()
     }
 
-    /// Returns the primitive of `before` that a geometry without runs represents.
-    fn whole(&self, placing: &'a Instance, of: &Geometry) -> Option<Piece<'a>> {
-        let own = (self.after.meshes[placing.mesh.0 as usize].source, of.primitive);
-        let (mesh, primitive) = match of.provenance {
-            Some(Provenance::Same { mesh, primitive }) if !self.unchanged => (mesh, primitive),
-            _ => own,
-        };
-        self.placed_piece(placing, mesh, primitive)
-    }
-
-    /// Returns the primitive of `before` that the runs of a source come from.
-    fn run_source(&self, placing: &'a Instance, source: &Source) -> Option<Piece<'a>> {
-        match source.node {
-            Some(node) => self.piece(node, source.copy, source.mesh, source.primitive),
-            None => self.placed_piece(placing, source.mesh, source.primitive),
-        }
-    }
-
-    /// Returns a primitive of `before` as placed by an instance of `after`, or by a copy of it.
-    fn placed_piece(&self, placing: &'a Instance, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
-        let (node, copy) = self.stands_for(placing);
-        match placing.source_copy.as_ref().filter(|_| !self.unchanged) {
-            Some(of) => self.copied_piece(node, copy, of, mesh, primitive),
-            None => self.piece(node, copy, mesh, primitive),
-        }
-    }
-
-    /// Returns a primitive of the mesh of `before` that a placed copy of another mesh was made from.
-    fn copied_piece(&self, node: u32, copy: u32, of: &'a CopyOf, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
-        let instance = self.instance(node, copy)?;
-        let placed = self.before.mesh_of(InstanceId(instance));
-        let at = self.meshes.binary_search_by_key(&mesh, |&(source, _)| source).ok()?;
-        let model = &self.before.meshes[self.meshes[at].1 as usize];
-        let geometry = model.geometries.binary_search_by_key(&primitive, |g| g.primitive).ok()?;
-        let copy = Some((of, placed.triangle_count() as u32));
-        (placed.source == of.mesh).then_some(Piece { instance, geometry: &model.geometries[geometry], copy })
-    }
-
-    /// Returns the instance of `before` for a copy of a node.
-    fn instance(&self, node: u32, copy: u32) -> Option<u32> {
+    /// Returns a primitive of `before` as placed by a copy of a node.
+    fn piece(&self, [node, copy, mesh, primitive]: [u32; 4]) -> Option<Piece<'a>> {
         let at = self.placed.binary_search_by_key(&(node, copy), |&(node, copy, _)| (node, copy)).ok()?;
-        Some(self.placed[at].2)
-    }
-
-    /// Returns the node of `before` that an instance of `after` represents, and the copy within it.
-    fn stands_for(&self, placing: &Instance) -> (u32, u32) {
-        if self.unchanged { (placing.node, placing.copy) } else { (placing.source_node, placing.source_index) }
-    }
-
-    fn piece(&self, node: u32, copy: u32, mesh: u32, primitive: u32) -> Option<Piece<'a>> {
-        let instance = self.instance(node, copy)?;
+        let instance = self.placed[at].2;
         let of = self.before.mesh_of(InstanceId(instance));
         let geometry = of.geometries.binary_search_by_key(&primitive, |g| g.primitive).ok()?;
-        (of.source == mesh).then_some(Piece { instance, geometry: &of.geometries[geometry], copy: None })
+        (of.source == mesh).then_some(Piece { instance, geometry: &of.geometries[geometry] })
     }
+}
+
+/// A primitive of `before` as placed by an instance.
+#[derive(Clone, Copy)]
+struct Piece<'a> {
+    instance: u32,
+    geometry: &'a Geometry,
 }
 
 impl Piece<'_> {
@@ -154,18 +141,37 @@ impl Piece<'_> {
             Some(kept) => kept.binary_search(&in_file).ok()? as u32,
             None => in_file,
         };
-        if triangle as usize >= self.geometry.triangles.len() {
-            return None;
-        }
-        let triangle = self.geometry.first_triangle + triangle;
-        let triangle = match self.copy {
-            None => triangle,
-            Some((of, count)) => {
-                of.order.as_ref().map_or(Some(triangle), |order| order.triangle(triangle)).filter(|&t| t < count)?
-            }
-        };
-        Some(TriangleRef { instance: self.instance, triangle })
+        let is_there = (triangle as usize) < self.geometry.triangles.len();
+        is_there.then(|| TriangleRef { instance: self.instance, triangle: self.geometry.first_triangle + triangle })
     }
+}
+
+fn number_in_file(geometry: &Geometry, triangle: usize) -> u32 {
+    geometry.kept.as_ref().map_or(triangle as u32, |kept| kept[triangle])
+}
+
+/// Returns the triangle of the first input that a triangle of a primitive comes from.
+fn first((placed, origins): (&Placed, &raykiln_formats::record::Origins), in_file: u32) -> Option<First> {
+    let (source, number) = origins.of(in_file)?;
+    let (node, copy) = source.node.map(|node| (node, source.copy)).or(placed.input)?;
+    Some([node, copy, source.mesh, source.primitive, number])
+}
+
+/// Returns the triangles of a scene by those of the first input that its record leads to, sorted.
+fn by_first(scene: &Scene) -> Vec<(First, TriangleRef)> {
+    let Some(record) = scene.provenance.record() else { return Vec::new() };
+    let of_chunk = |chunk: &Chunk| {
+        let placing = &scene.instances[chunk.instance as usize];
+        let mesh: &Mesh = &scene.meshes[placing.mesh.0 as usize];
+        let geometry = &mesh.geometries[chunk.geometry];
+        let origins = record.origins(placing.node, placing.copy, geometry.primitive);
+        let numbers = chunk.triangles.clone().map(|triangle| number_in_file(geometry, triangle));
+        let refs = chunk.refs(scene);
+        numbers.zip(refs).filter_map(|(number, at)| Some((first(origins?, number)?, at))).collect::<Vec<_>>()
+    };
+    let mut all: Vec<(First, TriangleRef)> = chunks(scene).par_iter().flat_map_iter(of_chunk).collect();
+    all.par_sort_unstable();
+    all
 }
 
 /// A range of triangles of one geometry as placed by one instance.
@@ -202,45 +208,6 @@ pub(super) fn chunks(scene: &Scene) -> Vec<Chunk> {
         }
     }
     chunks
-}
-
-/// Returns the first triangle of every run of a geometry, by index in its file.
-fn run_starts(geometry: &Geometry) -> Vec<u64> {
-    let Some(Provenance::Runs { runs, .. }) = &geometry.provenance else { return Vec::new() };
-    let mut next = 0;
-    let mut starts: Vec<u64> = Vec::with_capacity(runs.len() + 1);
-    for [_, _, count] in runs {
-        starts.push(next);
-        next += u64::from(*count);
-    }
-    starts.push(next);
-    starts
-}
-
-/// Returns the run that contains a triangle, trying first the run of the previous triangle.
-fn run_of(starts: &[u64], in_file: u64, hint: usize) -> Option<usize> {
-    let is_in = |run: usize| starts.get(run..run + 2).is_some_and(|s| (s[0]..s[1]).contains(&in_file));
-    [hint, hint + 1]
-        .into_iter()
-        .find(|&run| is_in(run))
-        .or_else(|| starts.partition_point(|&start| start <= in_file).checked_sub(1))
-}
-
-/// Whether two files place the same primitives with the same provenance.
-fn is_unchanged(before: &Scene, after: &Scene) -> bool {
-    let same_instances = before.instances.len() == after.instances.len()
-        && before.instances.iter().zip(&after.instances).all(|(a, b)| {
-            (a.node, a.source_node, a.copy, a.source_index, a.mesh, &a.source_copy)
-                == (b.node, b.source_node, b.copy, b.source_index, b.mesh, &b.source_copy)
-        });
-    let same_geometry = |(a, b): (&Geometry, &Geometry)| a.primitive == b.primitive && a.provenance == b.provenance;
-    same_instances
-        && before.meshes.len() == after.meshes.len()
-        && before.meshes.iter().zip(after.meshes.iter()).all(|(a, b)| {
-            a.source == b.source
-                && a.geometries.len() == b.geometries.len()
-                && a.geometries.iter().zip(&b.geometries).all(same_geometry)
-        })
 }
 
 /// Describes a placed triangle.

@@ -27,6 +27,7 @@ pub(crate) mod probe;
 mod race;
 pub(crate) mod random;
 pub mod rays;
+pub mod regrouped;
 pub mod rounding;
 pub mod seams;
 mod sides;
@@ -97,6 +98,8 @@ pub struct VerifyOptions {
     pub least_view_ratio: f64,
     /// Largest allowed position error of a corner, relative to the diagonal of the input's box.
     pub max_position_error_ratio: f64,
+    /// Whether the output must have the input's BLAS groups: none merged, none split.
+    pub same_groups: bool,
     /// Share of the rays with equal results that is checked against the truth anyway, 0 to 1.
     pub sample_ratio: f64,
 }
@@ -115,6 +118,7 @@ impl Default for VerifyOptions {
             repeats: 7,
             least_view_ratio: 0.97,
             max_position_error_ratio: 1e-6,
+            same_groups: false,
             sample_ratio: 1.0 / 16.0,
         }
     }

@@ -3,6 +3,7 @@
 use super::Side;
 use super::contents::Difference;
 use super::rays::RayKind;
+use super::regrouped::Regrouped;
 use super::seams::Seams;
 use super::sight::CannotTell;
 
@@ -19,8 +20,12 @@ pub enum Note {
     CannotTell(CannotTell),
     /// Triangles are there, but the output records that they are others: how many, and the first.
     RecordedElsewhere(u64, String),
-    /// Most of the triangles are not those that the output records: how many are.
-    OfAnotherInput(u64),
+    /// The record of the output leads to another input.
+    RecordOfAnotherInput,
+    /// The record of the output is of other geometry.
+    StaleRecord,
+    /// The record of the output cannot be read, and why.
+    DamagedRecord(&'static str),
     /// More rays are lost at edges and vertices than in the input, but corners may be that far off.
     Seams(Seams),
     /// Something beyond the places of triangles differs, without harm.
@@ -76,6 +81,8 @@ pub enum Failure {
     },
     /// Something beyond the places of triangles differs.
     Differs(Difference),
+    /// BLAS groups are merged or split, though they must not be.
+    Regrouped(Regrouped),
     /// Rays see something else.
     Rays {
         /// How many do.

@@ -34,17 +34,7 @@ pub(super) fn mesh(source: u32, geometries: Vec<Parts>) -> Mesh {
 }
 
 pub(super) fn instance(node: u32, mesh: u32, transform: DAffine3) -> Instance {
-    Instance {
-        name: format!("node {node}"),
-        node,
-        source_node: node,
-        source_copy: None,
-        source_index: 0,
-        copy: 0,
-        mesh: MeshId(mesh),
-        transform,
-        pinned: None,
-    }
+    Instance { name: format!("node {node}"), node, copy: 0, mesh: MeshId(mesh), transform, pinned: None }
 }
 
 /// Returns a scene of meshes and placements, with nodes numbered in order.

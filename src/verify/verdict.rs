@@ -17,6 +17,7 @@
 //! A hit's distance must be right within what the slack can do to it ([`window`](super::approach::Approach::window)).
 //! A tie is a triangle at the distance of the true hit, within the same bounds.
 
+use raykiln_formats::record::Provenance;
 use serde::Serialize;
 
 use super::accuracy::Accuracy;
@@ -24,10 +25,12 @@ use super::build::Structures;
 use super::compare::Tally;
 use super::contents::{ContentsReport, Severity};
 use super::errors::{ErrorReport, Histogram};
+use super::identity::{Relation, relation};
+use super::regrouped::Regrouped;
 use super::seams::Seams;
 use super::sight::CannotTell;
 use super::speed::KindSpeed;
-use super::structure::{Fault, Record, Structure, allowed_error};
+use super::structure::{Fault, Structure, allowed_error};
 use super::tracing::Seen;
 use super::view_speeds::ViewSpeeds;
 use super::views::ViewReport;
@@ -163,8 +166,10 @@ pub(super) fn judge(
     let contents = exact.and_then(|exact| exact.contents.clone());
     let touched_area_ratio = structure.is_none().then(|| surface::share_of_area(scenes.before, &seen.tally.touched));
     let mut found = Found { failures: Vec::new(), notes: seen.notes };
-    found.exactly(scenes.after, structure.as_ref(), contents.as_ref(), options);
+    found.exactly(scenes, structure.as_ref(), contents.as_ref(), options);
     found.by_rays(scenes, &seen.tally, seen.seams, structure.as_ref(), touched_area_ratio, options);
+    let regrouped = exact.filter(|_| options.same_groups).map(|exact| Regrouped::of(scenes, &exact.pairs));
+    found.failures.extend(regrouped.filter(|found| !found.is_none()).map(Failure::Regrouped));
     match structure {
         _ if cannot_tell.is_nothing() => {}
         Some(_) => found.notes.push(Note::CannotTell(cannot_tell.clone())),
@@ -223,7 +228,7 @@ impl Found {
     /// Adds what the exhaustive comparison says.
     fn exactly(
         &mut self,
-        after: &Scene,
+        scenes: Sides<&Scene>,
         structure: Option<&Structure>,
         contents: Option<&ContentsReport>,
         options: &VerifyOptions,
@@ -235,7 +240,8 @@ impl Found {
                 Severity::Note => self.notes.push(Note::Differs(difference.clone())),
             }
         }
-        let records = after.meshes.iter().flat_map(|m| &m.geometries).any(|g| g.provenance.is_some());
+        self.notes.extend(record_note(scenes));
+        let records = relation(scenes.before, scenes.after) == Relation::Leads;
         self.notes.extend(structure.into_iter().flat_map(|s| structure_notes(s, records, options)));
     }
 
@@ -306,20 +312,26 @@ fn blindness(tally: &Tally, touched_area_ratio: f64) -> Option<Failure> {
     (touched_area_ratio < LEAST_TOUCHED).then_some(Failure::Untouched { touched_area_ratio })
 }
 
+/// What is wrong with the record of the output, which was therefore not followed.
+fn record_note(scenes: Sides<&Scene>) -> Option<Note> {
+    match scenes.after.provenance {
+        Provenance::Stale => Some(Note::StaleRecord),
+        Provenance::Damaged(cause) => Some(Note::DamagedRecord(cause)),
+        _ if relation(scenes.before, scenes.after) == Relation::OtherInput => Some(Note::RecordOfAnotherInput),
+        _ => None,
+    }
+}
+
 /// What is worth knowing about the triangles, but no fault.
 fn structure_notes(structure: &Structure, records: bool, options: &VerifyOptions) -> Vec<Note> {
     let degenerate = Side::BOTH.into_iter().filter_map(|side| {
         let Fault { count, first } = &structure.degenerate[side];
         Some(Note::Degenerate(side, *count, first.clone()?))
     });
-    let Record { confirmed, elsewhere } = &structure.record;
-    let of_another = 2 * confirmed < structure.triangles_after;
-    let record = match &elsewhere.first {
-        _ if !records || options.matching == Matching::Identity => None,
-        Some(_) if of_another => Some(Note::OfAnotherInput(*confirmed)),
-        Some(first) => Some(Note::RecordedElsewhere(elsewhere.count, first.clone())),
-        None => None,
-    };
+    let elsewhere = &structure.record.elsewhere;
+    let is_note = records && options.matching != Matching::Identity;
+    let first = elsewhere.first.clone().filter(|_| is_note);
+    let record = first.map(|first| Note::RecordedElsewhere(elsewhere.count, first));
     degenerate.chain(record).collect()
 }
 

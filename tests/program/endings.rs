@@ -36,7 +36,7 @@ fn wait_till_staged(folder: &Path, child: &mut Child) {
     let start = Instant::now();
     let is_staged = || {
         let hidden = folder_names(folder).into_iter().find(|name| name.starts_with(".raykiln-"));
-        hidden.is_some_and(|name| fs::read_dir(folder.join(name)).is_ok_and(|mut files| files.next().is_some()))
+        hidden.is_some_and(|name| folder_names(&folder.join(name)).iter().any(|name| name != ".lock"))
     };
     while !is_staged() {
         assert_eq!(child.try_wait().expect("a child"), None, "the program ended before it staged anything");

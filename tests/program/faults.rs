@@ -6,7 +6,8 @@ mod library;
 mod matrix;
 mod planting;
 
-use crate::common::{Opened, Ran, bake, raykiln, samples};
+use crate::common::{Opened, Ran, bake, raykiln, samples, with_record};
+use raykiln_formats::record::{Origins, Record};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -37,20 +38,17 @@ fn flip_a_triangle(opened: &mut Opened) {
     opened.set_numbers(accessor, &indices);
 }
 
-/// Drops the last triangle from the indices and from the runs.
+/// Drops the last triangle.
 fn drop_a_triangle(opened: &mut Opened) {
-    let (indices, runs) = (opened.indices(), opened.runs());
+    let indices = opened.indices();
     let kept = opened.numbers(indices);
     opened.set_numbers(indices, &kept[..kept.len() - 3]);
-    let mut counts = opened.numbers(runs);
-    *counts.last_mut().expect("a run") -= 1;
-    opened.set_numbers(runs, &counts);
 }
 
 /// Swaps the recorded sources of two equal crates' triangles.
-fn swap_provenance(opened: &mut Opened) {
-    let sources = &mut opened.primitive()["extras"]["raykiln"]["provenance"]["sources"];
-    sources.as_array_mut().expect("sources").swap(0, 1);
+fn swap_provenance(record: &mut Record) {
+    let Origins::Each { sources, .. } = &mut record.lists[0][0] else { panic!("{record:?}") };
+    sources.swap(0, 1);
 }
 
 fn input() -> PathBuf {
@@ -88,7 +86,8 @@ fn assert_each_fault_is_named(device: &str) {
 #[test]
 fn a_wrong_record_is_a_note_and_by_identity_a_fault() {
     let folder = TempDir::new().unwrap();
-    let swapped = damaged(folder.path(), swap_provenance);
+    let (output, swapped) = (damaged(folder.path(), |_| {}), folder.path().join("swapped.glb"));
+    with_record(&output, &swapped, swap_provenance);
     let ran = verify(&swapped, "cpu", &["--verbose"]);
     assert_eq!(ran.status, 0, "{}", ran.stderr);
     assert!(ran.stdout.contains("24 triangles are not the one that the output records"), "{}", ran.stdout);

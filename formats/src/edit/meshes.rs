@@ -2,12 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use super::NewAccessor;
-use super::record::raykiln_extras;
 use crate::Document;
-use crate::contents::Source;
 use crate::gltf::accessor::Accessor;
 use crate::gltf::edit::{push, remove_key};
 use crate::gltf::json::unsigned;
@@ -24,15 +22,10 @@ pub struct NewPrimitive {
     pub material: Option<u32>,
     /// Mesh and primitive of the document whose further properties (extras, extensions) this primitive inherits.
     pub like: (usize, usize),
-    /// The input primitives that its triangles come from.
-    pub sources: Vec<Source>,
-    /// Which triangles of which source follow each other here: index into `sources`, first triangle, number of triangles.
-    pub runs: Vec<[u32; 3]>,
 }
 
 impl Document {
-    /// Adds a mesh whose primitives record where their triangles come from; an empty name is left out. Returns its
-    /// index.
+    /// Adds a mesh; an empty name is left out. Returns its index.
     pub fn add_mesh(&mut self, name: &str, primitives: Vec<NewPrimitive>) -> usize {
         let primitives: Vec<Value> = primitives.into_iter().map(|new| primitive(self, new)).collect();
         let mut mesh = Map::new();
@@ -109,13 +102,7 @@ fn primitive(document: &mut Document, new: NewPrimitive) -> Value {
         primitive.insert("material".into(), material.into());
     }
     primitive.extend(inherited);
-    let mut primitive = Value::from(primitive);
-    let runs = document.add_scalars(new.runs.as_flattened());
-    let sources: Vec<Value> = new.sources.iter().map(|s| json!([s.node, s.copy, s.mesh, s.primitive])).collect();
-    if let Some(record) = raykiln_extras(&mut primitive) {
-        record.insert("provenance".into(), json!({ "sources": sources, "runs": runs }));
-    }
-    primitive
+    primitive.into()
 }
 
 /// What a rewritten primitive takes over from the primitives it is made of, which agree in it.

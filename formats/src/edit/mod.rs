@@ -14,5 +14,5 @@ pub use accessors::{Compacted, NewAccessor, Target};
 pub use meshes::NewPrimitive;
 pub use nodes::{CopyAttributes, NewNode};
 pub use prune::CannotPrune;
-pub(crate) use record::has_room;
-pub use record::{NodeRecord, SourceRecord};
+pub use record::RecordPlace;
+pub(crate) use record::{has_room, raykiln_extras};

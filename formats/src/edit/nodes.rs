@@ -30,10 +30,19 @@ pub struct CopyAttributes {
 }
 
 impl Document {
-    /// Adds a root node to the default scene; returns its index. In a file without scenes every node without a parent
-    /// is shown.
-    pub fn add_root(&mut self, new: &NewNode) -> usize {
+    /// The number of nodes.
+    pub fn node_count(&self) -> usize {
+        self.json["nodes"].as_array().map_or(0, Vec::len)
+    }
+
+    /// Adds a node to the default scene, below `parent` or as a root; returns its index. In a file without scenes every node
+    /// without a parent is shown.
+    pub fn add_node(&mut self, parent: Option<usize>, new: &NewNode) -> usize {
         let index = push(&mut self.json, "nodes", node(new).into());
+        if let Some(parent) = parent {
+            append(&mut self.json["nodes"][parent]["children"], index.into());
+            return index;
+        }
         let shown = self.json["scene"].as_u64().unwrap_or(0) as usize;
         if let Some(scene) = self.json.get_mut("scenes").and_then(|scenes| scenes.get_mut(shown)) {
             append(&mut scene["nodes"], index.into());

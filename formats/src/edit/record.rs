@@ -1,53 +1,27 @@
-//! What the program records in `extras.raykiln` of nodes and primitives.
+//! What the program records in `extras.raykiln`, of nodes and of the whole file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::{Map, Value, json};
 
 use crate::Document;
 use crate::gltf::edit::{array, remove_key};
+use crate::gltf::provenance;
+use crate::record::Record;
 
-/// What became of a node, see [`Document::set_record`].
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct NodeRecord {
-    /// The nodes that show its triangles now; left out if there are none.
-    pub moved_to: Vec<usize>,
-    /// The mesh that it placed: its name and extras are recorded.
-    pub placed_mesh: Option<usize>,
-    /// What it stands for in the input.
-    pub source: Option<SourceRecord>,
-}
-
-/// What a node stands for in the input. [`NodeSource`](crate::contents::NodeSource) is the same as read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SourceRecord {
-    /// One node.
-    Node {
-        /// Node of the input.
-        node: usize,
-        /// Mesh of the input of which a copy is placed.
-        mesh: Option<usize>,
-        /// Accessor of the order of its triangles, two numbers per run: first triangle of `mesh`, number of triangles.
-        runs: Option<usize>,
-    },
-    /// A node for each copy.
-    Copies {
-        /// Accessor of nodes of the input, one number per copy.
-        nodes: usize,
-        /// Accessor of meshes of the input, one number per copy.
-        meshes: Option<usize>,
-        /// As in [`SourceRecord::Node`], for all copies.
-        runs: Option<usize>,
-    },
+/// Where a record of provenance is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RecordPlace {
+    /// Into the file.
+    #[default]
+    File,
+    /// Into a file beside it, see [`sidecar`](crate::record::sidecar).
+    Sidecar,
+    /// Nowhere.
+    None,
 }
 
 impl Document {
-    /// Whether [`Document::set_record`] can record something of a node: neither `extras` nor `extras.raykiln` holds
-    /// anything but an object.
-    pub fn has_room_for_record(&self, node: usize) -> bool {
-        has_room(&self.json["nodes"][node])
-    }
-
     /// Records which version of the program made this document with which options, in `asset.extras.raykiln`, in place of what
     /// was recorded before. An option has one value or a list. Does nothing if the extras leave no room.
     pub fn record_bake(&mut self, version: &str, options: &BTreeMap<String, Vec<String>>) {
@@ -64,55 +38,87 @@ impl Document {
         }
     }
 
-    /// Records what became of a node, in place of what was recorded before. Does nothing if the extras of the node leave no
-    /// room ([`Document::has_room_for_record`]).
-    pub fn set_record(&mut self, node: usize, record: &NodeRecord) {
-        let placed = record.placed_mesh.map(|mesh| name_and_extras(&self.json["meshes"][mesh]));
-        let Some(extras) = raykiln_extras(&mut self.json["nodes"][node]) else { return };
-        extras.clear();
-        if !record.moved_to.is_empty() {
-            extras.insert("moved_to".into(), json!(record.moved_to));
+    /// Writes a record of provenance that is bound to the present geometry; any other is removed. Returns whether there is
+    /// room for it: the extras of a file may be something else than an object.
+    pub fn set_record(&mut self, record: &Record, place: RecordPlace) -> bool {
+        self.remove_record();
+        match place {
+            RecordPlace::None => true,
+            RecordPlace::Sidecar => {
+                self.sidecar = Some(provenance::to_json(record, self));
+                true
+            }
+            RecordPlace::File => provenance::put(self, provenance::to_json(record, self)),
         }
-        extras.extend(placed.map(|mesh| ("mesh".to_owned(), mesh)));
-        extras.extend(record.source.map(|source| ("source".to_owned(), source.to_json())));
     }
 
-    /// Removes what an earlier bake recorded of the nodes that those of this document were made from.
-    pub fn forget_node_sources(&mut self) {
-        for node in array(&mut self.json, "nodes").filter_map(Value::as_object_mut) {
-            if let Some(extras) = node.get_mut("extras").and_then(Value::as_object_mut) {
-                remove_key(extras, "raykiln", "source");
-                if extras.is_empty() {
-                    node.shift_remove("extras");
-                }
+    fn remove_record(&mut self) {
+        self.sidecar = None;
+        if let Some(root) = self.json.as_object_mut() {
+            remove_key(root, "extras", "raykiln");
+        }
+    }
+
+    /// Records name and extras of the mesh that a node placed. Does nothing if the extras of the node leave no room.
+    pub fn set_placed_mesh(&mut self, node: usize, mesh: usize) {
+        let placed = name_and_extras(&self.json["meshes"][mesh]);
+        if let Some(extras) = raykiln_extras(&mut self.json["nodes"][node]) {
+            extras.insert("mesh".to_owned(), placed);
+        }
+    }
+
+    /// Gives each of these nodes an identifier within the file, `extras.raykiln.id`, by which others refer to it. Nodes that
+    /// have one keep it.
+    pub fn identify_nodes(&mut self, nodes: &BTreeSet<usize>) {
+        let used = self.json["nodes"].as_array().into_iter().flatten().filter_map(id).max();
+        let mut next = used.map_or(0, |id| id + 1);
+        for &node in nodes {
+            let node = &mut self.json["nodes"][node];
+            if id(node).is_none()
+                && let Some(extras) = raykiln_extras(node)
+            {
+                extras.insert("id".to_owned(), next.into());
+                next += 1;
             }
         }
     }
 
-    /// Records of a primitive that it is, triangle for triangle, the input's primitive of the same number; the record stays
-    /// true when meshes are renumbered. Does nothing if the extras of the primitive leave no room.
-    pub fn set_primitive_source(&mut self, mesh: usize, primitive: usize) {
-        if let Some(extras) = raykiln_extras(&mut self.json["meshes"][mesh]["primitives"][primitive]) {
-            let source = json!({ "mesh": mesh, "primitive": primitive });
-            *extras = Map::from_iter([("source".to_owned(), source)]);
+    /// Records that these nodes show what a node showed, by their identifiers.
+    pub fn set_moved_to(&mut self, node: usize, shown_by: &BTreeSet<usize>) {
+        let ids: Vec<u64> = shown_by.iter().filter_map(|&node| id(&self.json["nodes"][node])).collect();
+        if let Some(extras) = raykiln_extras(&mut self.json["nodes"][node]).filter(|_| !ids.is_empty()) {
+            extras.insert("moved_to".to_owned(), json!(ids));
+        }
+    }
+
+    /// Removes what an earlier bake recorded of nodes and primitives: where triangles went and come from and, unless
+    /// `keep_ids`, which nodes it added.
+    pub fn forget_node_records(&mut self, keep_ids: bool) {
+        for node in array(&mut self.json, "nodes") {
+            forget(node, if keep_ids { &["moved_to", "source"] } else { &["moved_to", "source", "id"] });
+        }
+        for mesh in array(&mut self.json, "meshes") {
+            array(mesh, "primitives").for_each(|primitive| forget(primitive, &["source", "provenance"]));
         }
     }
 }
 
-impl SourceRecord {
-    fn to_json(self) -> Value {
-        let entries = match self {
-            SourceRecord::Node { node, mesh, runs } => [("node", Some(node)), ("mesh", mesh), ("runs", runs)],
-            SourceRecord::Copies { nodes, meshes, runs } => {
-                [("nodes", Some(nodes)), ("meshes", meshes), ("runs", runs)]
-            }
-        };
-        let given = entries.into_iter().filter_map(|(key, number)| Some((key.to_owned(), Value::from(number?))));
-        Map::from_iter(given).into()
+fn id(node: &Value) -> Option<u64> {
+    node.get("extras")?.get("raykiln")?.get("id")?.as_u64()
+}
+
+/// Removes keys of `extras.raykiln` of a glTF object, and the extras if nothing is left in them.
+fn forget(object: &mut Value, keys: &[&str]) {
+    let Some(object) = object.as_object_mut() else { return };
+    if let Some(extras) = object.get_mut("extras").and_then(Value::as_object_mut) {
+        keys.iter().for_each(|key| drop(remove_key(extras, "raykiln", key)));
+        if extras.is_empty() {
+            object.shift_remove("extras");
+        }
     }
 }
 
-/// Whether the extras of a node or primitive have room for what the program records of it.
+/// Whether the extras of a node have room for what the program records of it.
 pub(crate) fn has_room(node: &Value) -> bool {
     let is_free = |value: Option<&Value>| value.is_none_or(Value::is_object);
     let extras = node.get("extras");
@@ -120,7 +126,7 @@ pub(crate) fn has_room(node: &Value) -> bool {
 }
 
 /// `extras.raykiln` of a glTF object, made if it is missing; `None` if the file's own extras leave no room for it.
-pub(super) fn raykiln_extras(object: &mut Value) -> Option<&mut Map<String, Value>> {
+pub(crate) fn raykiln_extras(object: &mut Value) -> Option<&mut Map<String, Value>> {
     let extras = object.as_object_mut()?.entry("extras").or_insert_with(|| json!({}));
     extras.as_object_mut()?.entry("raykiln").or_insert_with(|| json!({})).as_object_mut()
 }

@@ -6,7 +6,7 @@ use super::cut::cut_views;
 use super::json::unsigned;
 use super::references::{self, List};
 use crate::document::Document;
-use crate::edit::{Compacted, has_room};
+use crate::edit::Compacted;
 
 pub(crate) fn compact(doc: &mut Document) -> Compacted {
     let mut removed = Compacted {
@@ -14,10 +14,9 @@ pub(crate) fn compact(doc: &mut Document) -> Compacted {
         ..Compacted::default()
     };
     if removed.held_by.is_none() {
-        let numbered = meshes_with_fixed_numbers(&doc.json);
-        removed.meshes = compact_list(&mut doc.json, List::Meshes, numbered);
-        removed.accessors = compact_list(&mut doc.json, List::Accessors, 0);
-        removed.buffer_views = compact_list(&mut doc.json, List::Views, 0);
+        removed.meshes = compact_list(&mut doc.json, List::Meshes);
+        removed.accessors = compact_list(&mut doc.json, List::Accessors);
+        removed.buffer_views = compact_list(&mut doc.json, List::Views);
         if removed.accessors > 0 {
             doc.residuals.clear();
             cut_views(doc);
@@ -32,13 +31,13 @@ pub(crate) fn compact(doc: &mut Document) -> Compacted {
 
 /// Returns whether something refers to each buffer view. Extensions that are not known are not looked at.
 pub(super) fn used_views(json: &mut Value) -> Vec<bool> {
-    used(json, List::Views, 0)
+    used(json, List::Views)
 }
 
-/// Returns whether something refers to each element of a list, or it is one of the first `fixed`.
-fn used(json: &mut Value, list: List, fixed: usize) -> Vec<bool> {
+/// Returns whether something refers to each element of a list.
+fn used(json: &mut Value, list: List) -> Vec<bool> {
     let count = json.get(list.key()).and_then(Value::as_array).map_or(0, Vec::len);
-    let mut used: Vec<bool> = (0..count).map(|i| i < fixed).collect();
+    let mut used = vec![false; count];
     references::each(json, list, &mut |reference| {
         if let Some(slot) = unsigned(reference).and_then(|i| used.get_mut(i)) {
             *slot = true;
@@ -47,21 +46,10 @@ fn used(json: &mut Value, list: List, fixed: usize) -> Vec<bool> {
     used
 }
 
-/// Returns how many of the first meshes keep their number: those up to the last one with a primitive that has no room to
-/// record which of the input it was.
-fn meshes_with_fixed_numbers(json: &Value) -> usize {
-    let meshes = json.get("meshes").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
-    let is_full = |mesh: &Value| {
-        let primitives = mesh.get("primitives").and_then(Value::as_array).into_iter().flatten();
-        primitives.into_iter().any(|primitive| !has_room(primitive))
-    };
-    meshes.iter().rposition(is_full).map_or(0, |last| last + 1)
-}
-
-/// Removes the elements of a list that nothing refers to, but for the first `fixed`, and renumbers the references to the
-/// rest. Returns how many were removed. Takes time linear in the size of the document.
-fn compact_list(json: &mut Value, list: List, fixed: usize) -> usize {
-    let used = used(json, list, fixed);
+/// Removes the elements of a list that nothing refers to, and renumbers the references to the rest. Returns how many were
+/// removed. Takes time linear in the size of the document.
+fn compact_list(json: &mut Value, list: List) -> usize {
+    let used = used(json, list);
     let count = used.len();
     let mut kept = 0;
     let mut numbers = Vec::with_capacity(count);

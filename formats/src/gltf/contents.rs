@@ -9,7 +9,7 @@ use super::accessor::Accessor;
 use super::animation::mark_animated;
 use super::json::At;
 use super::positions::Positions;
-use super::{extensions, limits, node, primitive, references};
+use super::{extensions, limits, node, primitive, provenance, references};
 use crate::contents::{Camera, Look, Material, Mesh, Node, Opacity};
 use crate::{Contents, Document, Error, ReadOptions, Warning};
 
@@ -31,7 +31,8 @@ pub(crate) fn contents(doc: &Document, options: ReadOptions) -> Result<Contents,
     let cameras = root.list("cameras")?.map(|at| camera(&at)).collect::<Result<_, _>>()?;
     let mut meshes = meshes(doc, options, &mut warnings)?;
     meshes.iter_mut().zip(holds.meshes).for_each(|(mesh, hold)| mesh.hold = hold);
-    Ok(Contents { nodes, roots, meshes, materials, cameras, warnings })
+    let (provenance, geometry) = provenance::provenance(doc);
+    Ok(Contents { nodes, roots, meshes, materials, cameras, provenance, geometry, warnings })
 }
 
 /// Reads all meshes in parallel; reports the first error in file order.

@@ -5,7 +5,6 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use super::accessor::Accessor;
 use super::json::At;
 use super::limits;
-use super::provenance::NodeSources;
 use crate::contents::Node;
 use crate::document::{Component, Document};
 use crate::extension_names::EXT_MESH_GPU_INSTANCING;
@@ -15,15 +14,12 @@ use crate::{Error, Warning};
 pub(super) fn nodes(doc: &Document, warnings: &mut Vec<Warning>) -> Result<Vec<Node>, Error> {
     let root = At::root(doc);
     let mut nodes = Vec::new();
-    let mut sources = NodeSources::new(doc);
     let mut all_copies = 0;
     for at in root.list("nodes")? {
         let node = node(doc, &at, warnings)?;
-        let copies = node.copies.as_ref().map_or(0, Vec::len);
-        all_copies += copies as u64;
+        all_copies += node.copies.as_ref().map_or(0, Vec::len) as u64;
         limits::check_copies(doc, all_copies)?;
-        let copy_sources = sources.of_copies(&at, copies, warnings);
-        nodes.push(Node { source: sources.of(&at, warnings), copy_sources, ..node });
+        nodes.push(node);
     }
     link_parents(&root, &mut nodes)?;
     check_acyclic(&root, &nodes)?;
@@ -49,8 +45,6 @@ fn node(doc: &Document, at: &At<'_>, warnings: &mut Vec<Warning>) -> Result<Node
         in_other_scene: false,
         hold: None,
         hidden: false,
-        source: None,
-        copy_sources: Vec::new(),
     })
 }
 

@@ -8,14 +8,15 @@ use serde_json::Value;
 
 use super::binary::{CHUNK_HEADER, HEADER, MAGIC};
 use super::uri::{self, Uri};
-use crate::Error;
 use crate::extension_names::EXT_MESH_GPU_INSTANCING;
 use crate::outline::Outline;
+use crate::{Error, record};
 
 pub(crate) fn outline(path: &Path) -> Result<Outline, Error> {
     let text = json_text(path).map_err(|e| Error::io(path, "", &e))?;
     let json: Value = serde_json::from_slice(&text).map_err(|e| Error::whole(path, e))?;
-    let files = ["buffers", "images"].into_iter().flat_map(|list| files_of(&json, list, path)).collect();
+    let record = Some(record::sidecar(path)).filter(|file| file.is_file());
+    let files = ["buffers", "images"].into_iter().flat_map(|list| files_of(&json, list, path)).chain(record).collect();
     let meshes: Vec<u64> = elements(&json, "meshes").map(|mesh| triangles_of(&json, mesh)).collect();
     let placed = elements(&json, "nodes").map(|node| {
         let mesh = index(node.get("mesh")).and_then(|mesh| meshes.get(mesh));

@@ -5,7 +5,6 @@ use super::attributes::attribute_accessors;
 use super::json::At;
 use super::merge_key::merge_key;
 use super::positions::Positions;
-use super::provenance::provenance;
 use super::references;
 use crate::contents::{Mesh, Primitive, Triangles};
 use crate::document::{Component, Document};
@@ -41,14 +40,9 @@ fn primitive(
     let material = at.index("material", "materials", At::root(doc).count("materials"))?;
     let morphed = check_targets(doc, at, attributes.first().map_or(0, |(_, a)| a.count))?;
     let triangles = triangles(doc, at, &attributes, read, warnings)?;
-    let stored = triangles.as_ref().map_or(0, |t| t.corners.len());
-    let provenance = provenance(doc, at, stored).unwrap_or_else(|cause| {
-        warnings.push(at.warning(format_args!("the record of an earlier bake is ignored: {cause}")));
-        None
-    });
     let triangles = triangles.map(|t| keep_finite(at, t, &attributes, options, warnings)).transpose()?;
     let in_mesh_units = references::in_mesh_units(doc, at.value);
-    Ok(Primitive { material, triangles, morphed, in_mesh_units, merge_key: merge_key(at, &attributes), provenance })
+    Ok(Primitive { material, triangles, morphed, in_mesh_units, merge_key: merge_key(at, &attributes) })
 }
 
 /// Checks the morph targets; returns whether there are any.

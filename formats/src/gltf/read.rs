@@ -10,14 +10,16 @@ use serde_json::Value;
 
 use super::json::At;
 use super::uri::{self, Uri};
-use super::{binary, compressed, extensions};
+use super::{binary, bounds, compressed, extensions, provenance};
 use crate::document::{Kind, Residuals};
 use crate::{Document, Error, ErrorKind, Warning, kinds};
 
 /// Reads a glTF or GLB file, distinguished by its first bytes.
-pub(crate) fn read(path: &Path) -> Result<Document, Error> {
+/// Files that it names must be within `root`, if there is one.
+pub(crate) fn read(path: &Path, root: Option<&Path>) -> Result<Document, Error> {
     let file = Bytes::from(fs::read(path).map_err(|e| Error::io(path, "", &e))?);
-    parsed(path, &file, Some(uri::folder_of(path)))
+    let doc = parsed(path, &file, Some((uri::folder_of(path), root)))?;
+    Ok(Document { sidecar: provenance::beside(path), ..doc })
 }
 
 /// Reads the bytes of a glTF or GLB file that refers to no other file.
@@ -28,16 +30,20 @@ pub(crate) fn read_bytes(name: &Path, bytes: Bytes) -> Result<Document, Error> {
     Ok(doc)
 }
 
-/// The document of a file's bytes. Without a `folder` it may refer to no buffer file.
-fn parsed(path: &Path, file: &Bytes, folder: Option<&Path>) -> Result<Document, Error> {
+/// The document of a file's bytes. Without a `folder`, with the root of the files that it may name, it may refer to no file.
+fn parsed(path: &Path, file: &Bytes, folder: Option<(&Path, Option<&Path>)>) -> Result<Document, Error> {
     let (mut json, bin, kind, mut warnings) = open(path, file)?;
     whole_numbers(&mut json);
     let root = At::new(path, &json);
     check_asset(&root)?;
     extensions::check_required_of_file(&root)?;
-    let buffers = load_buffers(&root, folder, bin, &mut warnings)?;
+    if let Some((folder, bound)) = folder {
+        bounds::check(&root, folder, bound, &mut warnings)?;
+    }
+    let buffers = load_buffers(&root, folder.map(|(folder, _)| folder), bin, &mut warnings)?;
     let residuals = Residuals::default();
-    let mut doc = Document { json, buffers, path: path.to_owned(), kind, warnings, in_memory: None, residuals };
+    let path = path.to_owned();
+    let mut doc = Document { json, buffers, path, kind, warnings, in_memory: None, residuals, sidecar: None };
     compressed::decompress(&mut doc)?;
     Ok(doc)
 }

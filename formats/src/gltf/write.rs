@@ -17,7 +17,7 @@ use super::read::read_regular;
 use super::staged;
 use super::uri::{self, Uri};
 use crate::document::{Compression, Document, Kind, Staged};
-use crate::{Error, Warning};
+use crate::{Error, Warning, record};
 
 pub(crate) fn check(out: &Path) -> Result<(), Error> {
     kind_of(out)?;
@@ -62,6 +62,7 @@ pub(crate) fn stage_with(doc: &Document, out: &Path, compression: Compression) -
         lists.extend(names.map(|list| (list, Some(writing::with_extension(&doc.json, list)))));
     }
     let json = to_text(&doc.json, &lists);
+    stage_sidecar(doc, &name, &mut staged)?;
     match kind {
         Kind::Glb => write_glb(&mut staged, &name, &json, &packed, out)?,
         Kind::Gltf | Kind::Obj => {
@@ -99,6 +100,7 @@ pub(crate) fn stage_unchanged(doc: &Document, out: &Path) -> Result<Staged, Erro
             staged.warnings.push(Warning { place: String::new(), message });
         }
     }
+    stage_sidecar(doc, &name, &mut staged)?;
     if let Some(bytes) = &doc.in_memory {
         staged.write(Path::new(&name), |out| out.write_all(bytes))?;
     } else {
@@ -106,6 +108,12 @@ pub(crate) fn stage_unchanged(doc: &Document, out: &Path) -> Result<Staged, Erro
         staged.write(Path::new(&name), |out| io::copy(&mut file, out).map(|_| ()))?;
     }
     Ok(staged)
+}
+
+/// Stages the record that is to lie beside a scene of this name.
+fn stage_sidecar(doc: &Document, name: &str, staged: &mut Staged) -> Result<(), Error> {
+    let Some(record) = &doc.sidecar else { return Ok(()) };
+    staged.write(&record::sidecar(Path::new(name)), |file| Ok(serde_json::to_writer_pretty(file, record)?))
 }
 
 /// Returns the size of the document's file and of the buffer files that it refers to, in bytes.

@@ -115,7 +115,8 @@ fn parsed(path: &Path, source: Source<'_>, mut files: Files, options: &ObjOption
     let Assembled { json, buffer, residuals } = assemble::assemble(&scan, models, frame, materials, &mut notes);
     let buffers = if buffer.is_empty() { Vec::new() } else { vec![buffer.into()] };
     let warnings = notes.into_warnings();
-    Ok(Document { json, buffers, path: path.to_owned(), kind: Kind::Obj, warnings, in_memory: None, residuals })
+    let path = path.to_owned();
+    Ok(Document { json, buffers, path, kind: Kind::Obj, warnings, in_memory: None, residuals, sidecar: None })
 }
 
 /// Names of the materials that are seen from both sides.

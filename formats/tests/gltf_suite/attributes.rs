@@ -82,6 +82,7 @@ fn a_stride_below_the_element_is_refused() {
 #[test]
 fn a_mesh_with_matrices_as_attributes_stays_whole() {
     let mut doc = triangle();
+    doc.json["accessors"].as_array_mut().unwrap().push(Value::Null);
     for (kind, components) in [("MAT2", 4), ("MAT3", 9), ("MAT4", 16)] {
         doc.json["accessors"][1] = json!({ "componentType": 5126, "count": 3, "type": kind });
         doc.json["meshes"][0]["primitives"][0]["attributes"]["_STRESS"] = 1.into();

@@ -17,6 +17,7 @@ fn everything() -> (Value, Vec<u8>) {
         "asset": { "version": "2.0" },
         "extensionsUsed": ["EXT_mesh_gpu_instancing", "KHR_animation_pointer"],
         "scene": 0,
+        "extras": { "raykiln": { "record": { "schema": "raykiln.record/1", "input": "", "geometry": "", "origins": "eJw=" } } },
         "scenes": [{ "nodes": [0] }, { "nodes": [2] }],
         "nodes": [
             { "children": [1], "rotation": [0, 0, 0.6, 0.8], "skin": 0, "mesh": 0 },
@@ -27,10 +28,8 @@ fn everything() -> (Value, Vec<u8>) {
         "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } }],
         "materials": [{ "alphaMode": "MASK", "alphaCutoff": 0.25 }],
         "meshes": [
-            { "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 0,
-                               "extras": { "raykiln": { "source": { "mesh": 0, "primitive": 0 } } } }] },
-            { "primitives": [{ "attributes": { "POSITION": 3 }, "mode": 5, "targets": [{ "POSITION": 0 }],
-                "extras": { "raykiln": { "provenance": { "sources": [[null, 0, 0, 0]], "runs": 4 } } } }] }
+            { "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 0 }] },
+            { "primitives": [{ "attributes": { "POSITION": 3 }, "mode": 5, "targets": [{ "POSITION": 0 }] }] }
         ],
         "skins": [{ "joints": [0, 1] }],
         "animations": [{ "samplers": [{ "input": 1, "output": 0 }], "channels": [

@@ -3,11 +3,8 @@
 use std::collections::BTreeSet;
 
 use glam::{DAffine3, DVec3};
-use raykiln_formats::contents::{CopyOf, NodeSource, Provenance, Source};
 use raykiln_formats::document::{Component, Element};
-use raykiln_formats::edit::{
-    CannotPrune, CopyAttributes, NewAccessor, NewNode, NewPrimitive, NodeRecord, SourceRecord, Target,
-};
+use raykiln_formats::edit::{CannotPrune, CopyAttributes, NewAccessor, NewNode, NewPrimitive, Target};
 use serde_json::json;
 
 use crate::support::{contents, floats, shorts, triangle, triangle_bytes};
@@ -25,20 +22,16 @@ fn new_primitive() -> NewPrimitive {
         indices: NewAccessor { data: shorts(&[0, 1, 2]), element: U16, target: Target::Indices, bounds: false },
         material: None,
         like: (0, 0),
-        sources: vec![Source { node: None, copy: 0, mesh: 0, primitive: 0 }],
-        runs: vec![[0, 0, 1]],
     }
 }
 
 #[test]
-fn an_added_mesh_inherits_extras_and_says_where_its_triangles_come_from() {
+fn an_added_mesh_inherits_extras_but_no_record() {
     let mut doc = triangle();
     doc.json["meshes"][0]["primitives"][0]["extras"] = json!({ "owner": "me", "raykiln": { "source": {} } });
     let mesh = doc.add_mesh("piece", vec![new_primitive()]);
     assert_eq!((doc.mesh_name(mesh), doc.mesh_name(0), doc.primitive_count(mesh)), ("piece", "", 1));
-    assert_eq!(doc.json["meshes"][mesh]["primitives"][0]["extras"]["owner"], "me");
-    let expected = Provenance::Runs { sources: new_primitive().sources, runs: new_primitive().runs };
-    assert_eq!(contents(&doc).meshes[mesh].primitives[0].provenance, Some(expected));
+    assert_eq!(doc.json["meshes"][mesh]["primitives"][0]["extras"], json!({ "owner": "me" }));
 }
 
 #[test]
@@ -68,7 +61,7 @@ fn a_root_is_shown_and_a_child_has_the_copies_of_its_parent() {
     let mut doc = triangle();
     let translation = doc.add_accessor(vectors(floats(&[1.0, 0.0, 0.0, 2.0, 0.0, 0.0])));
     let up = DAffine3::from_translation(DVec3::Z);
-    let root = doc.add_root(&NewNode { name: "root", mesh: 0, transform: up });
+    let root = doc.add_node(None, &NewNode { name: "root", mesh: 0, transform: up });
     doc.set_copies(root, &CopyAttributes { translation, rotation: None, scale: None });
     let child = doc.add_child(root, &NewNode { name: "", mesh: 0, transform: DAffine3::IDENTITY });
     let read = contents(&doc);
@@ -86,31 +79,37 @@ fn a_root_is_shown_and_a_child_has_the_copies_of_its_parent() {
 }
 
 #[test]
-fn records_are_read_back_and_replace_earlier_ones() {
+fn nodes_refer_to_others_by_identifiers_that_stay() {
     let mut doc = triangle();
     doc.json["meshes"][0]["name"] = "tri".into();
-    let moved = NodeRecord { moved_to: vec![0], placed_mesh: Some(0), source: None };
-    doc.set_record(0, &moved);
-    assert_eq!(doc.json["nodes"][0]["extras"], json!({ "raykiln": { "moved_to": [0], "mesh": { "name": "tri" } } }));
-    let source = SourceRecord::Node { node: 7, mesh: Some(3), runs: None };
-    doc.set_record(0, &NodeRecord { source: Some(source), ..NodeRecord::default() });
-    let copy_of = Some(CopyOf { mesh: 3, order: None });
-    assert_eq!(contents(&doc).nodes[0].source, Some(NodeSource { node: 7, copy_of }));
-    doc.forget_node_sources();
-    assert_eq!(doc.json["nodes"][0], json!({ "mesh": 0 }));
+    for _ in 0..2 {
+        doc.add_node(Some(0), &NewNode { name: "", mesh: 0, transform: DAffine3::IDENTITY });
+    }
+    doc.set_placed_mesh(0, 0);
+    doc.identify_nodes(&BTreeSet::from([1, 2]));
+    doc.set_moved_to(0, &BTreeSet::from([1, 2]));
+    let record = json!({ "raykiln": { "mesh": { "name": "tri" }, "moved_to": [0, 1] } });
+    assert_eq!(doc.json["nodes"][0]["extras"], record);
+    doc.forget_node_records(true);
+    assert_eq!(doc.json["nodes"][0]["extras"], json!({ "raykiln": { "mesh": { "name": "tri" } } }));
+    let third = doc.add_node(None, &NewNode { name: "", mesh: 0, transform: DAffine3::IDENTITY });
+    doc.identify_nodes(&BTreeSet::from([1, third]));
+    let id = |node: usize| doc.json["nodes"][node]["extras"]["raykiln"]["id"].as_u64();
+    assert_eq!([1, 2, third].map(id), [Some(0), Some(1), Some(2)]);
+    doc.forget_node_records(false);
+    assert_eq!(doc.json["nodes"][third], json!({ "mesh": 0 }));
 }
 
 #[test]
-fn nothing_is_recorded_or_pruned_where_extras_leave_no_room() {
+fn nothing_is_recorded_where_extras_leave_no_room() {
     for extras in [json!("text"), json!({ "raykiln": 3 })] {
         let mut doc = triangle();
-        doc.json["nodes"].as_array_mut().unwrap().push(json!({}));
-        assert!(doc.has_room_for_record(0));
         doc.json["nodes"][0]["extras"] = extras.clone();
-        assert!(!doc.has_room_for_record(0));
-        doc.set_record(0, &NodeRecord { moved_to: vec![1], ..NodeRecord::default() });
+        doc.set_placed_mesh(0, 0);
+        doc.identify_nodes(&BTreeSet::from([0]));
+        doc.set_moved_to(0, &BTreeSet::from([0]));
+        doc.forget_node_records(false);
         assert_eq!(doc.json["nodes"][0]["extras"], extras);
-        assert_eq!(doc.drop_empty_nodes(2), Err(CannotPrune::NoRoom));
     }
 }
 
@@ -124,11 +123,11 @@ fn pruning_stops_at_extensions_that_may_refer_to_nodes() {
     {
         doc.json["extensions"] = extension.clone();
         let name = extension.as_object().unwrap().keys().next().unwrap().clone();
-        assert_eq!(doc.drop_empty_nodes(2), Err(CannotPrune::Extension(name)));
+        assert_eq!(doc.drop_empty_nodes(|_| true), Err(CannotPrune(name)));
     }
     doc.json["extensions"] = json!({ "VRMC_springBone": { "colliders": [{ "node": 1 }] } });
-    assert_eq!(doc.drop_empty_nodes(2), Ok(1));
+    assert_eq!(doc.clone().drop_empty_nodes(|node| node == 1), Ok(vec![Some(0), Some(1)]));
+    assert_eq!(doc.drop_empty_nodes(|_| true), Ok(vec![None, Some(0)]));
     assert_eq!(doc.json["extensions"]["VRMC_springBone"]["colliders"][0]["node"], 0);
     assert_eq!(doc.json["scenes"][0]["nodes"], json!([0]));
-    assert_eq!(contents(&doc).nodes[0].source, Some(NodeSource { node: 1, copy_of: None }));
 }

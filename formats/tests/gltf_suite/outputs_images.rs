@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use raykiln_formats::document::Staged;
-use raykiln_formats::{Document, read};
+use raykiln_formats::{Document, ObjOptions, read, read_with};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -21,7 +21,8 @@ fn scene(images: &Value, files: &[(&str, &[u8])]) -> (TempDir, Document) {
     let mut all = vec![("in/a.glb", &file[..])];
     all.extend(files);
     let folder = folder(&all);
-    let doc = read(&folder.path().join("in/a.glb")).unwrap();
+    let anywhere = ObjOptions::default().with_root(Some("/".into()));
+    let doc = read_with(&folder.path().join("in/a.glb"), &anywhere).unwrap();
     fs::create_dir(folder.path().join("out")).unwrap();
     (folder, doc)
 }

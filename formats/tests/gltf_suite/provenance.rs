@@ -1,12 +1,12 @@
 //! Merge keys, and what an earlier bake recorded.
 
-use raykiln_formats::Document;
-use raykiln_formats::contents::{CopyOf, NodeSource, Provenance, Source, TriangleOrder};
-use raykiln_formats::document::{Component, Element};
-use raykiln_formats::edit::{NewAccessor, Target};
+use raykiln_formats::contents::TriangleOrder;
+use raykiln_formats::edit::RecordPlace;
+use raykiln_formats::record::{GeometryHash, Origins, Placed, Provenance, Record, Source, sidecar};
+use raykiln_formats::{Document, read};
 use serde_json::{Value, json};
 
-use crate::support::{contents, primitive, square, triangle, words};
+use crate::support::{contents, primitive, shorts, square, triangle, words};
 
 fn key(json: Value, types: &[Value]) -> String {
     let accessors: Vec<_> = types.iter().map(|accessor| (accessor.clone(), square())).collect();
@@ -64,106 +64,124 @@ fn merge_keys_ignore_provenance_and_draco() {
     assert_eq!(plain, key(json, &types));
 }
 
-/// A triangle whose primitive records `raykiln`; accessor 1 holds the runs.
-fn recorded(raykiln: Value, runs: &[u32]) -> Document {
+fn record() -> Record {
+    let source = Source { node: None, copy: 0, mesh: 3, primitive: 1 };
+    let placed = Placed { node: 0, copy: 0, list: 0, input: Some((7, 0)), stands_in: false };
+    Record {
+        input: GeometryHash([5; 32]),
+        nodes: vec![Some(7)],
+        lists: vec![vec![Origins::Each { sources: vec![source], triangles: vec![[0, 40]] }]],
+        placed: vec![placed],
+    }
+}
+
+fn recorded() -> Document {
     let mut doc = triangle();
-    let element = Element { component: Component::U32, components: 1, normalized: false };
-    doc.add_accessor(NewAccessor { data: words(runs), element, target: Target::Other, bounds: false });
-    doc.json["meshes"][0]["primitives"][0]["extras"] = json!({ "raykiln": raykiln });
+    assert!(doc.set_record(&record(), RecordPlace::File));
     doc
 }
 
-fn provenance(doc: &Document) -> (Option<Provenance>, usize) {
-    let c = contents(doc);
-    (c.meshes[0].primitives[0].provenance.clone(), c.warnings.len())
+#[test]
+fn a_record_in_the_file_is_read_back() {
+    let doc = recorded();
+    assert_eq!(contents(&doc).provenance, Provenance::Recorded(record().into()));
+    assert_eq!(contents(&triangle()).provenance, Provenance::Unrecorded);
+    assert_eq!(contents(&triangle()).geometry, contents(&doc).geometry);
 }
 
 #[test]
-fn provenance_of_an_unchanged_primitive_is_read() {
-    let doc = recorded(json!({ "source": { "mesh": 3, "primitive": 1 } }), &[0]);
-    assert_eq!(provenance(&doc), (Some(Provenance::Same { mesh: 3, primitive: 1 }), 0));
+fn a_record_replaces_another_and_leaves_other_extras() {
+    let mut doc = recorded();
+    doc.json["extras"]["owner"] = "me".into();
+    assert!(doc.set_record(&record(), RecordPlace::Sidecar));
+    assert_eq!(doc.json["extras"], json!({ "owner": "me" }));
+    assert_eq!(contents(&doc).provenance, Provenance::Recorded(record().into()));
+    assert!(doc.set_record(&record(), RecordPlace::None));
+    assert_eq!((contents(&doc).provenance, doc.sidecar.clone()), (Provenance::Unrecorded, None));
+    doc.json["extras"] = json!([1, 2]);
+    assert!(!doc.set_record(&record(), RecordPlace::File), "a list has no room");
+    assert_eq!(doc.json["extras"], json!([1, 2]));
 }
 
 #[test]
-fn provenance_in_runs_is_read() {
-    let record = json!({ "provenance": { "sources": [[null, 0, 1, 2], [7, 5, 0, 0]], "runs": 1 } });
-    let expected = Provenance::Runs {
-        sources: vec![
-            Source { node: None, copy: 0, mesh: 1, primitive: 2 },
-            Source { node: Some(7), copy: 5, mesh: 0, primitive: 0 },
-        ],
-        runs: vec![[1, 40, 1]],
+fn a_record_beside_the_file_is_written_and_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a b.glb");
+    let mut doc = triangle();
+    assert!(doc.set_record(&record(), RecordPlace::Sidecar));
+    let staged = doc.stage(&out).unwrap();
+    assert_eq!(contents(&read(staged.path()).unwrap()).provenance, Provenance::Recorded(record().into()));
+    staged.commit().unwrap();
+    assert_eq!(sidecar(&out), folder.path().join("a b.glb.record.json"));
+    let read_back = read(&out).unwrap();
+    assert_eq!(contents(&read_back).provenance, Provenance::Recorded(record().into()));
+    let copy = folder.path().join("copy.glb");
+    read_back.stage_unchanged(&copy).unwrap().commit().unwrap();
+    assert!(sidecar(&copy).is_file(), "it goes where the scene goes");
+    std::fs::write(sidecar(&out), "no JSON").unwrap();
+    assert_eq!(contents(&read(&out).unwrap()).provenance, Provenance::Unrecorded);
+}
+
+#[test]
+fn a_record_is_stale_once_the_geometry_is_another() {
+    let edits: [fn(&mut Document); 5] = [
+        |doc| doc.json["meshes"][0]["primitives"][0]["mode"] = 5.into(),
+        |doc| doc.json["nodes"].as_array_mut().unwrap().insert(0, json!({})),
+        |doc| doc.json["nodes"][0] = json!({}),
+        |doc| {
+            let mesh = doc.json["meshes"][0].clone();
+            doc.json["meshes"].as_array_mut().unwrap().push(mesh);
+        },
+        |doc| {
+            let mut bytes = doc.buffers[0].to_vec();
+            bytes[0] ^= 1;
+            doc.buffers[0] = bytes.into();
+        },
+    ];
+    for (i, edit) in edits.into_iter().enumerate() {
+        let mut doc = recorded();
+        edit(&mut doc);
+        let found = raykiln_formats::Document::contents(&doc, Default::default()).unwrap();
+        assert_eq!(found.provenance, Provenance::Stale, "edit {i}");
+    }
+    let mut doc = recorded();
+    doc.json["nodes"][0]["name"] = "renamed".into();
+    doc.json["nodes"][0]["translation"] = json!([1, 2, 3]);
+    doc.json["materials"] = json!([{}]);
+    assert_eq!(contents(&doc).provenance, Provenance::Recorded(record().into()), "geometry alone counts");
+}
+
+#[test]
+fn the_hash_of_geometry_does_not_depend_on_how_it_is_stored() {
+    let indexed = |component: u32, indices: Vec<u8>| {
+        let indices = (json!({ "componentType": component, "count": 6, "type": "SCALAR" }), indices);
+        primitive(
+            json!({ "attributes": { "POSITION": 0 }, "indices": 1 }),
+            &[(accessor(5126, "VEC3"), square()), indices],
+        )
     };
-    assert_eq!(provenance(&recorded(record, &[1, 40, 1])), (Some(expected), 0));
+    let hash = |doc: &Document| contents(doc).geometry;
+    let plain = hash(&indexed(5123, shorts(&[0, 1, 2, 0, 2, 3])));
+    assert_eq!(plain, hash(&indexed(5125, words(&[0, 1, 2, 0, 2, 3]))), "another type of integer");
+    assert_eq!(plain, hash(&indexed(5123, shorts(&[1, 2, 0, 3, 0, 2]))), "another corner first");
+    assert_ne!(plain, hash(&indexed(5123, shorts(&[0, 2, 1, 0, 2, 3]))), "turned over");
+    assert_ne!(plain, hash(&indexed(5123, shorts(&[0, 2, 3, 0, 1, 2]))), "another order");
 }
 
 #[test]
-fn records_of_something_else_are_no_provenance() {
-    for record in [json!({}), json!({ "moved": 3 }), json!(5)] {
-        assert_eq!(provenance(&recorded(record, &[0])), (None, 0));
-    }
-}
-
-#[test]
-fn malformed_provenance_is_ignored_with_a_warning() {
-    let sources = json!([[null, 0, 1, 2]]);
-    for (record, runs) in [
-        (json!({ "source": 3 }), vec![0, 0, 1]),
-        (json!({ "source": { "mesh": -1, "primitive": 0 } }), vec![0, 0, 1]),
-        (json!({ "source": { "mesh": 1_u64 << 32, "primitive": 0 } }), vec![0, 0, 1]),
-        (json!({ "provenance": 7 }), vec![0, 0, 1]),
-        (json!({ "provenance": { "sources": sources } }), vec![0, 0, 1]),
-        (json!({ "provenance": { "sources": sources, "runs": 9 } }), vec![0, 0, 1]),
-        (json!({ "provenance": { "sources": sources, "runs": 0 } }), vec![0, 0, 1]),
-        (json!({ "provenance": { "sources": [[0, 1, 2]], "runs": 1 } }), vec![0, 0, 1]),
-        (json!({ "provenance": { "sources": [[0, 1, 2, "x"]], "runs": 1 } }), vec![0, 0, 1]),
-        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![0, 0]),
-        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![1, 0, 1]),
-        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![0, 0, 2]),
-        (json!({ "provenance": { "sources": sources, "runs": 1 } }), vec![0, u32::MAX, 1]),
+fn damaged_records_are_told_from_none() {
+    for (key, value, cause) in [
+        ("schema", json!("raykiln.record/0"), "it is of another version"),
+        ("geometry", json!("12"), "a hash is malformed"),
+        ("geometry", json!(null), "it lacks the hash of the geometry"),
+        ("input", json!(7), "it lacks the hash of the input"),
+        ("origins", json!("%"), "its origins are not base64"),
+        ("origins", json!("AAAA"), "its origins cannot be decompressed"),
     ] {
-        assert_eq!(provenance(&recorded(record.clone(), &runs)), (None, 1), "{record}");
+        let mut doc = recorded();
+        doc.json["extras"]["raykiln"]["record"][key] = value;
+        assert_eq!(contents(&doc).provenance, Provenance::Damaged(cause));
     }
-}
-
-/// What the node of a document with two runs in accessor 1 stands for.
-fn node_source(record: Value) -> (Option<NodeSource>, usize) {
-    let runs = json!({ "componentType": 5125, "count": 4, "type": "SCALAR" });
-    let mut doc = primitive(
-        json!({ "attributes": { "POSITION": 0 }, "mode": 5 }),
-        &[(accessor(5126, "VEC3"), square()), (runs, words(&[4, 2, 0, 3]))],
-    );
-    doc.json["nodes"][0]["extras"] = json!({ "raykiln": { "source": record } });
-    let found = contents(&doc);
-    (found.nodes[0].source.clone(), found.warnings.len())
-}
-
-#[test]
-fn a_node_says_of_which_mesh_it_places_a_copy() {
-    assert_eq!(node_source(json!({ "node": 7 })), (Some(NodeSource { node: 7, copy_of: None }), 0));
-    let same = CopyOf { mesh: 3, order: None };
-    assert_eq!(node_source(json!({ "node": 7, "mesh": 3 })), (Some(NodeSource { node: 7, copy_of: Some(same) }), 0));
-    let (found, warnings) = node_source(json!({ "node": 7, "mesh": 3, "runs": 1 }));
-    let order = found.and_then(|s| s.copy_of).and_then(|c| c.order).expect("an order");
-    assert_eq!(
-        (0..6).map(|t| order.triangle(t)).collect::<Vec<_>>(),
-        [4, 5, 0, 1, 2].map(Some).into_iter().chain([None]).collect::<Vec<_>>()
-    );
-    assert_eq!(warnings, 0);
-}
-
-#[test]
-fn a_damaged_record_of_a_copy_is_a_warning() {
-    for record in [
-        json!({ "node": 7, "mesh": -1 }),
-        json!({ "node": 7, "mesh": 3, "runs": 0 }),
-        json!({ "node": 7, "mesh": 3, "runs": 99 }),
-        json!({ "node": 7, "mesh": 3, "runs": null }),
-    ] {
-        assert_eq!(node_source(record), (Some(NodeSource { node: 7, copy_of: None }), 1));
-    }
-    assert_eq!(node_source(json!({ "node": 5_000_000_000_u64 })), (None, 0));
-    assert_eq!(node_source(json!([])), (None, 0));
 }
 
 #[test]

@@ -49,7 +49,7 @@ fn an_empty_file_is_refused() {
 #[test]
 fn wrong_magic_is_refused() {
     assert!(refused("a.glb", b"GLTF\x02\0\0\0\x0c\0\0\0").contains("wrong magic"));
-    assert!(refused("a.gltf", b"\x89PNG").contains("wrong magic"));
+    assert!(refused("a.gltf", b"\x89PNG").contains("an image"));
 }
 
 #[test]
@@ -179,7 +179,8 @@ fn buffers_that_cannot_be_had_are_refused() {
     assert!(uri("gone.bin").contains("gone.bin cannot be read"));
     assert!(uri("https://example.org/a.bin").contains("URIs of the scheme https: are not supported"));
     assert!(uri("file:///a.bin").contains("URIs of the scheme file: are not supported"));
-    assert!(uri("/dev/zero").contains("not a regular file"));
+    assert!(uri("/dev/zero").contains("absolute path"));
+    assert!(uri("../../../../../../../../../dev/zero").contains("not a regular file"));
     assert!(uri("").contains("the URI is empty"));
     assert!(uri("%FF").contains("not UTF-8"));
     assert!(refused("a.gltf", &text(&triangle_json())).contains("neither a uri nor a BIN chunk"));

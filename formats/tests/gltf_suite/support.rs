@@ -40,6 +40,7 @@ pub(crate) fn document(json: Value, buffers: &[Vec<u8>]) -> Document {
         warnings: Vec::new(),
         in_memory: None,
         residuals: Default::default(),
+        sidecar: None,
     }
 }
 

@@ -14,6 +14,7 @@ pub use clock::Stage;
 pub use copies::FindCopies;
 
 use raykiln_formats::document::{self, Compression, Staged};
+use raykiln_formats::edit::RecordPlace;
 use raykiln_formats::{Document, Warning};
 
 use crate::choose::{self, Choice, ChooseOptions, Chosen};
@@ -33,7 +34,7 @@ use crate::report::{
 };
 use crate::scene::{self, LoadOptions, Scene};
 use crate::verify::verdict::{Verdict, verdict};
-use crate::verify::{Exact, Machine, MachineKind, Sides, Verification, VerifyOptions};
+use crate::verify::{Exact, Machine, MachineKind, Matching, Sides, Verification, VerifyOptions};
 use clock::Clock;
 use copies::SharedScene;
 
@@ -54,6 +55,8 @@ pub struct BakeOptions {
     /// How the output is compressed. One that has the input's layout is compressed only if that makes it smaller than the
     /// input.
     pub compression: Compression,
+    /// Where the record of provenance is written.
+    pub record: RecordPlace,
     /// How the output is verified.
     pub verify: VerifyOptions,
     /// Whether a plan is written or followed; one that is followed has its decision in `choose`.
@@ -88,7 +91,7 @@ impl BakeOptions {
             true => Instancing::Extension { max_position_error_ratio },
             false => Instancing::Nodes,
         };
-        emit::Options { prune: self.prune, instancing }
+        emit::Options { prune: self.prune, instancing, record: self.record }
     }
 
     /// The options echoed in the report.
@@ -403,7 +406,11 @@ impl Tried {
         let ReadBack { after, exact, trees, metrics, findings } = read_back;
         let scenes = Sides { before: scene, after: &after };
         let trees_of_both = Sides { before: trees_before, after: &trees };
-        let verify = if written.same_layout { options.verify.untimed() } else { options.verify.clone() };
+        let mut verify = if written.same_layout { options.verify.untimed() } else { options.verify.clone() };
+        if after.provenance.record().is_none() && verify.matching == Matching::Identity {
+            // There is nothing recorded that could be right.
+            verify.matching = Matching::Place;
+        }
         let verification = machine.verify_with(scenes, trees_of_both, exact.as_ref(), &verify)?;
         let verdict = verdict(&verification, &options.verify, written.same_layout);
         Ok(Tried { written, after, trees, metrics, findings, verification, verdict })

@@ -2,7 +2,7 @@
 
 /// Returns the memory of a process that is in RAM now, in bytes; `None` if it has ended, or the system does not report it (only
 /// Linux does).
-pub(super) fn resident_bytes(process: u32) -> Option<u64> {
+pub fn resident_bytes(process: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;

@@ -13,7 +13,7 @@ mod find;
 pub mod jobs;
 mod look_up;
 pub mod manifest;
-mod memory;
+pub mod memory;
 mod predict;
 mod record;
 mod schedule;

@@ -126,7 +126,9 @@ fn compare_parts(inputs: Inputs<'_>, tolerance: &Tolerance, is_whole: bool) -> R
     let materials = Materials::of(inputs.documents, &images);
     let hierarchies =
         Sides { before: inputs.documents.before.hierarchy()?, after: inputs.documents.after.hierarchy()? };
-    let nodes = Nodes::of(hierarchies);
+    let record = inputs.scenes.before.provenance.record();
+    let added = |node: usize| record.is_some_and(|record| record.nodes.get(node) == Some(&None));
+    let nodes = Nodes::of(hierarchies, added);
     let skins = inputs.documents.map(Document::skins);
     let mut report = ContentsReport::default();
     report.compared.triangles = meetings.iter().map(|m| m.triangles).sum();

@@ -25,11 +25,16 @@ pub(super) struct Nodes {
 impl Nodes {
     /// Matches nodes by number if the output keeps them, as a bake does; otherwise by the names on the way from the root, then by name alone. Nodes of equal names are
     /// matched in file order if there are equally many; nodes without names by their place below the same node.
-    pub(super) fn of(hierarchies: Sides<Hierarchy>) -> Nodes {
+    /// Of nodes that an earlier bake `added`, those under their number may be others.
+    pub(super) fn of(hierarchies: Sides<Hierarchy>, added: impl Fn(usize) -> bool) -> Nodes {
         let Sides { before, after } = &hierarchies;
         let are_numbered = are_numbered(&before.nodes, &after.nodes);
         let matched = if are_numbered {
-            (0..before.nodes.len()).map(Some).collect()
+            let is_same = |&i: &usize| {
+                let (b, a) = (&before.nodes[i], &after.nodes[i]);
+                !added(i) || b.name == a.name && b.local == a.local
+            };
+            (0..before.nodes.len()).map(|i| Some(i).filter(is_same)).collect()
         } else {
             by_name(&before.nodes, &after.nodes)
         };

@@ -92,5 +92,6 @@ pub(super) fn square(attributes: &[(&str, usize, &[f32])]) -> Document {
         warnings: Vec::new(),
         in_memory: None,
         residuals: Residuals::default(),
+        sidecar: None,
     }
 }

@@ -2,6 +2,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
+use raykiln_formats::record::{Placed, Provenance};
 
 use super::places::{Core, find};
 use super::*;
@@ -52,15 +53,20 @@ pub(in crate::verify) fn cut(before: &Scene, frames: [DAffine3; 2], run: u32) ->
     };
     let [mut all, other] = [half((0, frames[0])), half((1, frames[1]))];
     all.meshes.push(other.meshes[0].clone());
-    all.instances.push(instance(before.nodes as u32 + 1, 1, frames[1]));
+    let node = before.nodes as u32 + 1;
+    all.instances.push(instance(node, 1, frames[1]));
+    let Provenance::Recorded(record) = &mut all.provenance else { unreachable!() };
+    let record = Arc::make_mut(record);
+    record.placed.push(Placed { node, ..record.placed[0] });
     all
 }
 
 /// Returns a scene without the record of what it was made from.
 fn as_input(mut scene: Scene) -> Scene {
     for geometry in scene.meshes.iter_mut().flat_map(|mesh| &mut mesh.geometries) {
-        (geometry.kept, geometry.provenance) = (None, None);
+        geometry.kept = None;
     }
+    scene.provenance = Provenance::Unrecorded;
     scene
 }
 

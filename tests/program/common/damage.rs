@@ -42,11 +42,6 @@ impl Opened {
         index(&self.primitive()["indices"])
     }
 
-    /// Index of the accessor of the runs that record where the primitive's triangles come from.
-    pub(crate) fn runs(&mut self) -> usize {
-        index(&self.primitive()["extras"]["raykiln"]["provenance"]["runs"])
-    }
-
     /// The integers of an accessor.
     pub(crate) fn numbers(&self, accessor: usize) -> Vec<u32> {
         let (bytes, width) = self.place(accessor);

@@ -1,5 +1,7 @@
 //! Small files defined inline.
 
+use raykiln_formats::edit::RecordPlace;
+use raykiln_formats::record::Record;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -56,4 +58,14 @@ pub(crate) fn folder_names(folder: &Path) -> Vec<String> {
         entries.map(|e| e.expect("readable").file_name().to_string_lossy().into_owned()).collect();
     names.sort();
     names
+}
+
+/// Writes an output again with another record of where its triangles come from.
+pub(crate) fn with_record(output: &Path, to: &Path, change: impl FnOnce(&mut Record)) {
+    let mut document = raykiln_formats::read(output).expect("readable");
+    let contents = document.contents(Default::default()).expect("sound");
+    let mut record = contents.provenance.record().expect("an output has a record").clone();
+    change(&mut record);
+    assert!(document.set_record(&record, RecordPlace::File));
+    document.stage(to).expect("staged").commit().expect("written");
 }

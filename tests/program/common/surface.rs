@@ -1,10 +1,12 @@
 //! An independent glTF reader: which triangles a file shows and, from the recorded provenance, the input triangle that
 //! each was made from. It shares only the reading of JSON and buffers with the program.
 
+use base64::Engine;
 use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3};
 use raykiln_formats::Document;
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::Path;
 
 /// The source of a triangle: node, copy, mesh, primitive, triangle.
@@ -48,7 +50,12 @@ impl Surface {
 
     fn read(path: &Path, baked: bool) -> Surface {
         let document = raykiln_formats::read(path).unwrap_or_else(|e| panic!("{e}"));
-        let file = File(&document);
+        let record = document
+            .json
+            .pointer("/extras/raykiln/record/origins")
+            .or(document.sidecar.as_ref().map(|r| &r["origins"]));
+        let origins = record.map(|text| origins(text.as_str().expect("a text"))).unwrap_or_default();
+        let file = File { document: &document, origins };
         let mut triangles = BTreeMap::new();
         for (node, transform) in file.placed_nodes() {
             let Some(mesh) = file.json("nodes", node)["mesh"].as_u64() else { continue };
@@ -107,16 +114,22 @@ struct Part {
     primitive: u64,
 }
 
-struct File<'a>(&'a Document);
+/// Recorded origins by node, copy and primitive.
+type Origins = BTreeMap<(u64, u64, u64), Vec<Origin>>;
+
+struct File<'a> {
+    document: &'a Document,
+    origins: Origins,
+}
 
 impl File<'_> {
     fn json(&self, array: &str, index: u64) -> &Value {
-        &self.0.json[array][index as usize]
+        &self.document.json[array][index as usize]
     }
 
     /// The nodes of the default scene with their transforms to world space.
     fn placed_nodes(&self) -> Vec<(u64, DAffine3)> {
-        let roots = &self.json("scenes", self.0.json["scene"].as_u64().unwrap_or(0))["nodes"];
+        let roots = &self.json("scenes", self.document.json["scene"].as_u64().unwrap_or(0))["nodes"];
         let mut stack: Vec<(u64, DAffine3)> = numbers(roots).map(|n| (n as u64, DAffine3::IDENTITY)).collect();
         let mut placed = Vec::new();
         while let Some((node, parent)) = stack.pop() {
@@ -152,9 +165,14 @@ impl File<'_> {
         let own = (0..).map(|triangle| [part.node, part.copy, part.mesh, part.primitive, triangle]);
         let origins: Vec<Origin> = match baked {
             false => own.take(triangles.len()).collect(),
-            true => self.origins(part, primitive, triangles.len()),
+            true => self.origins.get(&(part.node, part.copy, part.primitive)).cloned().unwrap_or_default(),
         };
-        assert_eq!(origins.len(), triangles.len(), "{part:?}: provenance and indices differ in length");
+        assert!(
+            origins.len() >= triangles.len(),
+            "{part:?}: {} origins of {} triangles",
+            origins.len(),
+            triangles.len()
+        );
         origins.into_iter().zip(triangles).map(|(o, corners)| (o, Placed { material, corners })).collect()
     }
 
@@ -178,48 +196,6 @@ impl File<'_> {
         indices.as_chunks().0.iter().map(|&t| wound(t).map(corner)).collect()
     }
 
-    /// The origins of a primitive's triangles: the recorded ones, mapped to the copied mesh if its node places a copy.
-    fn origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
-        let source = &self.json("nodes", part.node)["extras"]["raykiln"]["source"];
-        let named = self.named_origins(part, primitive, triangles);
-        let own = source["meshes"].as_u64().map(|meshes| self.elements(meshes)[part.copy as usize][0] as u64);
-        let Some(copied) = own.or(source["mesh"].as_u64()) else { return named };
-        let order: Option<Vec<u64>> = source["runs"].as_u64().map(|runs| {
-            let runs = self.elements(runs).concat();
-            runs.chunks(2).flat_map(|run| run[0] as u64..(run[0] + run[1]) as u64).collect()
-        });
-        let lead = |[node, copy, _, primitive, triangle]: Origin| {
-            assert_eq!(primitive, 0, "copies of one primitive are read");
-            [node, copy, copied, 0, order.as_ref().map_or(triangle, |o| o[triangle as usize])]
-        };
-        named.into_iter().map(lead).collect()
-    }
-
-    /// The origins recorded in `extras.raykiln` of a primitive.
-    fn named_origins(&self, part: &Part, primitive: &Value, triangles: usize) -> Vec<Origin> {
-        let source = &self.json("nodes", part.node)["extras"]["raykiln"]["source"];
-        let (node, copy) = match source["nodes"].as_u64() {
-            Some(nodes) => (self.elements(nodes)[part.copy as usize][0] as u64, 0),
-            None => (source["node"].as_u64().unwrap_or(part.node), part.copy),
-        };
-        let record = &primitive["extras"]["raykiln"];
-        let number = |value: &Value| value.as_u64().expect("a number");
-        if let Some(source) = record["source"].as_object() {
-            let (mesh, primitive) = (number(&source["mesh"]), number(&source["primitive"]));
-            return (0..triangles as u64).map(|t| [node, copy, mesh, primitive, t]).collect();
-        }
-        let provenance = record["provenance"].as_object().unwrap_or_else(|| panic!("{part:?} has no provenance"));
-        let runs = self.elements(number(&provenance["runs"])).concat();
-        let run_origins = |run: &[f64]| -> Vec<Origin> {
-            let source = &provenance["sources"][run[0] as usize];
-            let [mesh, primitive] = [2, 3].map(|i| number(&source[i]));
-            let (node, copy) = source[0].as_u64().map_or((node, copy), |n| (n, number(&source[1])));
-            let (first, count) = (run[1] as u64, run[2] as u64);
-            (first..first + count).map(|t| [node, copy, mesh, primitive, t]).collect()
-        };
-        runs.chunks(3).flat_map(run_origins).collect()
-    }
-
     /// The elements of an accessor of floats or unsigned integers.
     fn elements(&self, accessor: u64) -> Vec<Vec<f64>> {
         let accessor = self.json("accessors", accessor);
@@ -239,8 +215,8 @@ impl File<'_> {
             _ => 4,
         };
         let stride = view["byteStride"].as_u64().map_or(size * components, |s| s as usize);
-        let bytes =
-            &self.0.buffers[number(&view["buffer"])][number(&view["byteOffset"]) + number(&accessor["byteOffset"])..];
+        let bytes = &self.document.buffers[number(&view["buffer"])]
+            [number(&view["byteOffset"]) + number(&accessor["byteOffset"])..];
         let component = |at: usize| component(kind, &bytes[at..at + size]);
         let element = |i: usize| (0..components).map(|c| component(i * stride + c * size)).collect();
         (0..number(&accessor["count"])).map(element).collect()
@@ -275,3 +251,100 @@ fn local(node: &Value) -> DAffine3 {
         DVec3::from_slice(&or("translation", &[0.0; 3])),
     )
 }
+
+/// Reads a record as `docs/provenance.md` specifies it.
+fn origins(text: &str) -> Origins {
+    let compressed = base64::engine::general_purpose::STANDARD.decode(text).expect("base64");
+    let mut bytes = Vec::new();
+    flate2::read::ZlibDecoder::new(&compressed[..]).read_to_end(&mut bytes).expect("zlib");
+    let mut numbers = Numbers(&bytes);
+    let _nodes: Vec<u64> = numbers.list(Numbers::next);
+    let lists: Vec<Vec<Vec<[Option<u64>; 5]>>> = numbers.list(|numbers| numbers.list(Numbers::origins));
+    let (mut node, mut list) = (0, 0);
+    let mut all = Origins::new();
+    for _ in 0..numbers.next() {
+        node += numbers.next();
+        let copy = numbers.next();
+        list += numbers.signed();
+        let input = (numbers.next() >= 2).then(|| [(node as i64 + numbers.signed()) as u64, numbers.next()]);
+        for (primitive, origins) in (0..).zip(&lists[list as usize]) {
+            let filled = |[of, of_copy, mesh, primitive, triangle]: &[Option<u64>; 5]| {
+                let [node, copy] = of.map_or_else(|| input.expect("a node"), |of| [of, of_copy.unwrap()]);
+                [node, copy, mesh.unwrap(), primitive.unwrap(), triangle.unwrap()]
+            };
+            all.insert((node, copy, primitive), origins.iter().map(filled).collect());
+        }
+    }
+    assert!(numbers.0.is_empty(), "nothing follows");
+    all
+}
+
+/// Numbers of variable length.
+struct Numbers<'a>(&'a [u8]);
+
+impl Numbers<'_> {
+    fn next(&mut self) -> u64 {
+        let length = 1 + self.0.iter().position(|byte| *byte < 128).expect("a last byte");
+        let (number, rest) = self.0.split_at(length);
+        self.0 = rest;
+        number.iter().rev().fold(0, |sum, byte| sum << 7 | u64::from(byte & 127))
+    }
+
+    fn signed(&mut self) -> i64 {
+        let number = self.next() as i64;
+        if number % 2 == 0 { number / 2 } else { -(number + 1) / 2 }
+    }
+
+    fn list<T>(&mut self, mut element: impl FnMut(&mut Self) -> T) -> Vec<T> {
+        (0..self.next()).map(|_| element(self)).collect()
+    }
+
+    fn source(&mut self, last: &mut [i64; 2]) -> [Option<u64>; 4] {
+        let node = match self.next() {
+            0 => {
+                last[0] = 0;
+                None
+            }
+            number => {
+                let number = number as i64 - 1;
+                last[0] += if number % 2 == 0 { number / 2 } else { -(number + 1) / 2 };
+                Some(last[0] as u64)
+            }
+        };
+        let copy = self.next();
+        last[1] += self.signed();
+        [node, Some(copy), Some(last[1] as u64), Some(self.next())]
+    }
+
+    /// The origins of the triangles of a primitive; of one that is a primitive of the input, up to a limit.
+    fn origins(&mut self) -> Vec<[Option<u64>; 5]> {
+        let mut last = [0, 0];
+        let at =
+            |[node, copy, mesh, primitive]: [Option<u64>; 4], triangle| [node, copy, mesh, primitive, Some(triangle)];
+        match self.next() {
+            0 => Vec::new(),
+            1 => {
+                let source = self.source(&mut last);
+                (0..MOST_TRIANGLES).map(|triangle| at(source, triangle)).collect()
+            }
+            _ => {
+                let sources = self.list(|numbers| numbers.source(&mut last));
+                let spans: Vec<i64> = sources.iter().map(|_| self.next() as i64).collect();
+                let mut next = 0;
+                self.list(|numbers| {
+                    let number = next + numbers.signed();
+                    next = number + 1;
+                    let (mut source, mut within) = (0, number);
+                    while within >= spans[source] {
+                        within -= spans[source];
+                        source += 1;
+                    }
+                    at(sources[source], within as u64)
+                })
+            }
+        }
+    }
+}
+
+/// Triangles of the largest primitive in the tests.
+const MOST_TRIANGLES: u64 = 20_000;

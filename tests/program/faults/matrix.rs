@@ -9,7 +9,8 @@ use raykiln::verify::identity::Identity;
 use raykiln::verify::structure::Structure;
 use raykiln::verify::{FaultKind, Sides, surface};
 use raykiln_formats::Document;
-use serde_json::Value;
+use raykiln_formats::edit::RecordPlace;
+use raykiln_formats::record::{Origins, Provenance};
 use tempfile::TempDir;
 
 use super::everything::everything;
@@ -82,7 +83,7 @@ fn shown(document: &Document) -> Scene {
 }
 
 /// What an output records of its triangles.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Record {
     Kept,
     Dropped,
@@ -92,23 +93,23 @@ enum Record {
 impl Record {
     const ALL: [Record; 3] = [Record::Kept, Record::Dropped, Record::Stale];
 
-    /// Changes what a document records of its primitives and nodes; what it keeps of the input's meshes stays.
+    /// Changes what a document records of its triangles and nodes; what it keeps of the input's meshes stays.
     fn apply(self, document: &mut Document) {
-        let change = |object: &mut Value| match (self, object.pointer_mut("/extras/raykiln")) {
-            (Record::Dropped, Some(Value::Object(record))) => record.retain(|key, _| key == "mesh"),
-            (Record::Stale, Some(record)) => {
-                if let Some(Value::Array(sources)) = record.pointer_mut("/provenance/sources") {
-                    sources.rotate_left(1);
-                }
+        if self == Record::Kept {
+            return;
+        }
+        let contents = document.contents(Default::default()).unwrap_or_else(|e| panic!("{e}"));
+        let Provenance::Recorded(record) = contents.provenance else { return };
+        let mut record = (*record).clone();
+        for origins in record.lists.iter_mut().flatten() {
+            if let Origins::Each { sources, .. } = origins {
+                sources.rotate_left(1);
             }
-            _ => {}
-        };
-        for list in ["nodes", "meshes"] {
-            for object in document.json[list].as_array_mut().into_iter().flatten() {
-                let primitives = object.get_mut("primitives").and_then(Value::as_array_mut);
-                primitives.into_iter().flatten().for_each(change);
-                change(object);
-            }
+        }
+        let place = if self == Record::Stale { RecordPlace::File } else { RecordPlace::None };
+        assert!(document.set_record(&record, place));
+        if self == Record::Dropped {
+            document.forget_node_records(false);
         }
     }
 }

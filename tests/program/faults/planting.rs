@@ -50,7 +50,7 @@ pub(super) fn element_with(doc: &Document, rng: &mut Rng, list: &str, has: impl 
 
 /// Picks a node with a name, as those of the input have.
 pub(super) fn input_node(doc: &Document, rng: &mut Rng, is: impl Fn(&Value) -> bool) -> Option<usize> {
-    let is_new = |node: &Value| node.pointer("/extras/raykiln/source").is_some();
+    let is_new = |node: &Value| node.pointer("/extras/raykiln/id").is_some();
     element_with(doc, rng, "nodes", |node| node["name"].is_string() && !is_new(node) && is(node))
 }
 

@@ -66,7 +66,6 @@ pub(crate) fn node(doc: &Document, node: usize) -> NodeContent {
     let Some(at) = element(doc, "nodes", node) else { return NodeContent::default() };
     let number = |key| at.get(key).and_then(|value| unsigned(value.value));
     let record = at.get("extras").and_then(|extras| extras.get("raykiln"));
-    let moved_to = record.and_then(|record| record.get("moved_to")).map_or_else(Vec::new, |list| indices(list.value));
     let mesh = number("mesh").and_then(|mesh| element(doc, "meshes", mesh));
     let weights = at.get("weights").or_else(|| mesh?.get("weights"));
     NodeContent {
@@ -74,7 +73,6 @@ pub(crate) fn node(doc: &Document, node: usize) -> NodeContent {
         extensions: follow::extensions(doc, &at),
         camera: number("camera").and_then(|camera| element(doc, "cameras", camera)).map(|at| unnamed(&at)),
         weights: weights.and_then(|w| w.value.as_array()).map(|list| list.iter().filter_map(Value::as_f64).collect()),
-        moved_to,
         placed_mesh: record.and_then(|record| record.get("mesh")).map(|mesh| follow::plain(mesh.value)),
     }
 }

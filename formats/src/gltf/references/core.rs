@@ -1,4 +1,4 @@
-//! References of glTF 2.0 itself (its specification, chapter 5) and of the records that the program writes into extras.
+//! References of glTF 2.0 itself (its specification, chapter 5).
 
 use super::List::{self, Accessors, Meshes, Nodes, Views};
 
@@ -21,16 +21,10 @@ pub(super) const REFERENCES: &[(&str, List)] = &[
     ("images.*.bufferView", Views),
     // glTF 2.1
     ("files.*.bufferView", Views),
-    // Records of a bake.
-    ("meshes.*.primitives.*.extras.raykiln.provenance.runs", Accessors),
-    ("nodes.*.extras.raykiln.source.runs", Accessors),
-    ("nodes.*.extras.raykiln.source.nodes", Accessors),
-    ("nodes.*.extras.raykiln.source.meshes", Accessors),
 ];
 
 /// Lists of nodes from which a node that is dropped goes as well: where the list is, and its key.
-pub(crate) const NODE_LISTS: &[(&str, &str)] =
-    &[("nodes.*", "children"), ("nodes.*.extras.raykiln", "moved_to"), ("scenes.*", "nodes")];
+pub(crate) const NODE_LISTS: &[(&str, &str)] = &[("nodes.*", "children"), ("scenes.*", "nodes")];
 
 /// Accessors of the vertices and indices of a primitive, relative to it.
 pub(super) const OF_PRIMITIVE: &[(&str, List)] =

@@ -201,10 +201,8 @@ impl Finder {
                 }
                 let hold = if of_primitive.iter().any(|accessor| self.accessors.contains(accessor)) {
                     Some(Hold::Order)
-                } else if of_primitive.iter().any(|&accessor| is_matrix(accessor)) {
-                    Some(Hold::Matrix)
                 } else {
-                    (!has_room(primitive)).then_some(Hold::NoRoom)
+                    of_primitive.iter().any(|&accessor| is_matrix(accessor)).then_some(Hold::Matrix)
                 };
                 *slot = slot.or(hold);
             });

@@ -192,9 +192,6 @@ mod tests {
         let place = |&(mesh, transform): &(u32, DAffine3)| Instance {
             name: String::new(),
             node: 0,
-            source_node: 0,
-            source_copy: None,
-            source_index: 0,
             copy: 0,
             mesh: MeshId(mesh),
             transform,

@@ -68,9 +68,6 @@ pub(super) fn scene(meshes: Vec<Mesh>, placed: impl IntoIterator<Item = (u32, DA
     let place = |(mesh, transform)| Instance {
         name: String::new(),
         node: 0,
-        source_node: 0,
-        source_copy: None,
-        source_index: 0,
         copy: 0,
         mesh: MeshId(mesh),
         transform,
