@@ -7,6 +7,8 @@
 //! size of the bake over the bytes of the geometry: all vertex attributes and indices of the input as glTF, without
 //! images. "tree memory" is the same ratio for a process that reads the file and builds that one tree.
 
+mod program;
+
 use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant};
@@ -25,7 +27,7 @@ fn main() -> ExitCode {
     if let Some(file) = std::env::args().skip(1).skip_while(|a| a != TREE_ONLY).nth(1) {
         return only_a_tree(Path::new(&file));
     }
-    let (threads, files) = parse(std::env::args().skip(1));
+    let (threads, files) = program::parse(std::env::args().skip(1));
     if files.is_empty() {
         eprintln!("usage: cargo bench --bench budget -- [--threads N] FILE...");
         return ExitCode::from(2);
@@ -74,19 +76,6 @@ fn tree_bytes(file: &Path) -> Result<f64, String> {
     let output = command.arg(TREE_ONLY).arg(file).env("MALLOC_MMAP_THRESHOLD_", "1048576").output();
     let printed = String::from_utf8(output.map_err(|e| e.to_string())?.stdout).map_err(|e| e.to_string())?;
     Ok(printed.trim().parse().map_or(f64::NAN, |kilobytes: f64| 1024.0 * kilobytes))
-}
-
-/// The number of threads, two by default, and the files. Cargo adds an argument `--bench`.
-fn parse(arguments: impl Iterator<Item = String>) -> (String, Vec<String>) {
-    let (mut threads, mut files) = ("2".to_owned(), Vec::new());
-    let mut arguments = arguments.filter(|a| a != "--bench");
-    while let Some(argument) = arguments.next() {
-        match argument.as_str() {
-            "--threads" => threads = arguments.next().unwrap_or(threads),
-            _ => files.push(argument),
-        }
-    }
-    (threads, files)
 }
 
 fn row(file: &Path, threads: &str) -> Result<String, String> {
@@ -184,16 +173,8 @@ struct Taken {
 
 /// Bakes in a separate process.
 fn bake_once(input: &Path, threads: &str) -> Result<Taken, String> {
-    let folder = tempfile::TempDir::new().map_err(|e| e.to_string())?;
-    let mut command = Command::new(env!("CARGO_BIN_EXE_raykiln"));
-    command.arg("bake").arg(input).arg("-o").arg(folder.path().join("out.glb"));
-    command.args(["--device", "cpu", "--effort", "2", "--threads", threads, "--json", "--quiet"]);
     let before = children_seconds();
-    let output = command.output().map_err(|e| e.to_string())?;
-    if !output.status.success() {
-        return Err(String::from_utf8_lossy(&output.stderr).into_owned());
-    }
-    let report: Value = serde_json::from_slice(&output.stdout).map_err(|e| e.to_string())?;
+    let report = program::bake(input, &["--effort", "2", "--threads", threads])?;
     Ok(Taken {
         seconds: report["seconds"]["total"].as_f64().unwrap_or(f64::NAN),
         cpu_seconds: children_seconds().zip(before).map(|(after, before)| after - before),

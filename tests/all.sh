@@ -2,9 +2,11 @@
 # Runs formatting, lints, feature checks, documentation and all tests. Continues if a step fails; the exit status is 0
 # only if all steps succeed. Needs cargo with the components rustfmt and clippy, and what `missing` lists below.
 #
-#   PACKAGES=yes tests/all.sh  also makes and installs the crates, the Debian package and the Python wheel, which takes ten minutes
 #   tests/all.sh             fails at once if something is missing, and says how to get it
 #   tests/all.sh --install   says what it installs and where, installs it, then runs; so does CI=true tests/all.sh
+#
+# FARM=yes also runs job arrays of Slurm, whose daemons it starts and kills; PACKAGES=yes also makes and installs the crates, the
+# Debian package and the Python wheel, which takes ten minutes.
 set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
 
@@ -39,8 +41,9 @@ has_chromium() {
   command -v chromium >/dev/null
 }
 
-# Tools that build examples/pipeline, and Slurm: program and package of Debian.
-PIPELINE_TOOLS=(make:make pgrep:procps ninja:ninja-build cmake:cmake bazel:bazel-bootstrap slurmctld:slurmctld slurmd:slurmd sbatch:slurm-client)
+# Tools that build examples/pipeline, and with FARM Slurm: program and package of Debian.
+PIPELINE_TOOLS=(make:make pgrep:procps ninja:ninja-build cmake:cmake bazel:bazel-bootstrap)
+[ -z "${FARM:-}" ] || PIPELINE_TOOLS+=(slurmctld:slurmctld slurmd:slurmd sbatch:slurm-client)
 
 # Packages of the tools that are missing.
 missing_pipeline_tools() {
@@ -160,7 +163,7 @@ checks() {
 # The program in build tools and on farms.
 pipeline() {
   local name
-  for name in build_tools openjd slurm ${PACKAGES:+packages}; do
+  for name in build_tools openjd ${FARM:+slurm} ${PACKAGES:+packages}; do
     bash "tests/pipeline/$name.sh" target/debug/raykiln || return
   done
 }
