@@ -209,8 +209,10 @@ fn an_existing_output_is_replaced_whole() {
     let output = folder.path().join("out.glb");
     let first = fs::read(&output).unwrap();
     fs::write(&output, vec![0; 10 * first.len()]).unwrap();
-    let input = sample("overlapping");
-    crate::common::bake(&input, &output, &["--method", "overlap"]);
+    // With the same options, which the output records.
+    let (input, to) = (sample("overlapping"), output.to_str().unwrap());
+    let again = ["bake", input.to_str().unwrap(), "-o", to, "--rays", "500", "--repeats", "1", "--method", "overlap"];
+    assert_eq!(raykiln(again).status, 0);
     assert_eq!(fs::read(&output).unwrap(), first);
     assert_eq!(folder_names(folder.path()), ["out.glb"]);
 }
