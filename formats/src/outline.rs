@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn files_and_triangles_of_obj_are_found() {
         let folder = tempfile::tempdir().expect("a folder");
-        let text = "mtllib \\\nmine.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\n  f 1 2 4 3 # quad\n";
+        let text = "mtllib mine.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\n  f 1 2 4 3 # quad\n";
         let scene = write(folder.path(), "scene.obj", text);
         let library = write(folder.path(), "Mine.mtl", "newmtl a\nmap_Kd -s 1 1 1 t/Image.png\nmap_d t/none.png\n");
         let image = write(folder.path(), "t/image.png", "");
