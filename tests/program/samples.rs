@@ -166,8 +166,10 @@ fn check_node(before: &Value, after: &Value, document: &Value) {
     if before["mesh"].is_u64() && !after["mesh"].is_u64() {
         let moved_to = after["extras"]["raykiln"]["moved_to"].as_array().expect("a pointer to the triangles");
         assert!(!moved_to.is_empty());
-        for node in moved_to {
-            assert!(document["nodes"][node.as_u64().unwrap() as usize]["mesh"].is_u64(), "{node} shows nothing");
+        let nodes = document["nodes"].as_array().expect("nodes");
+        for id in moved_to {
+            let shows = |node: &Value| &node["extras"]["raykiln"]["id"] == id && node["mesh"].is_u64();
+            assert!(nodes.iter().any(shows), "{id} shows nothing");
         }
     }
 }
