@@ -27,26 +27,8 @@ fn main() -> ExitCode {
     if let Some(file) = std::env::args().skip(1).skip_while(|a| a != TREE_ONLY).nth(1) {
         return only_a_tree(Path::new(&file));
     }
-    let (threads, files) = program::parse(std::env::args().skip(1));
-    if files.is_empty() {
-        eprintln!("usage: cargo bench --bench budget -- [--threads N] FILE...");
-        return ExitCode::from(2);
-    }
-    println!(
-        "| scene | triangles | tree s | bake s | trees | CPU trees | peak MB | geometry MB | memory | tree memory |"
-    );
-    println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
-    let mut status = ExitCode::SUCCESS;
-    for file in &files {
-        match row(Path::new(file), &threads) {
-            Ok(row) => println!("{row}"),
-            Err(message) => {
-                eprintln!("{file}: {message}");
-                status = ExitCode::FAILURE;
-            }
-        }
-    }
-    status
+    let head = ["scene", "triangles", "tree s", "bake s", "trees", "CPU trees", "peak MB", "geometry MB", "memory"];
+    program::print_rows("budget", &[&head[..], &["tree memory"]].concat(), row)
 }
 
 /// Argument that makes this program only build a tree.

@@ -19,24 +19,10 @@ const RUNS: usize = 3;
 const STAGES: [&str; 6] = ["read", "analyse", "optimise", "write", "verify", "total"];
 
 fn main() -> ExitCode {
-    let (threads, files) = program::parse(std::env::args().skip(1));
-    if files.is_empty() {
-        eprintln!("usage: cargo bench --bench stages -- [--threads N] FILE...");
-        return ExitCode::from(2);
-    }
-    println!("| scene | inspect s | {} | times inspect | peak MB | chosen |", STAGES.join(" s | ") + " s");
-    println!("|{}", " --- |".repeat(STAGES.len() + 5));
-    let mut status = ExitCode::SUCCESS;
-    for file in &files {
-        match row(Path::new(file), &threads) {
-            Ok(row) => println!("{row}"),
-            Err(message) => {
-                eprintln!("{file}: {message}");
-                status = ExitCode::FAILURE;
-            }
-        }
-    }
-    status
+    let stages = STAGES.map(|stage| format!("{stage} s"));
+    let head = ["scene", "inspect s"].into_iter().chain(stages.iter().map(String::as_str));
+    let head: Vec<&str> = head.chain(["times inspect", "peak MB", "chosen"]).collect();
+    program::print_rows("stages", &head, row)
 }
 
 fn row(file: &Path, threads: &str) -> Result<String, String> {

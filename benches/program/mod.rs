@@ -1,12 +1,12 @@
 //! What benchmarks of the whole program share.
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, ExitCode};
 
 use serde_json::Value;
 
 /// The number of threads, two by default, and the files. Cargo adds an argument `--bench`.
-pub(crate) fn parse(arguments: impl Iterator<Item = String>) -> (String, Vec<String>) {
+fn parse(arguments: impl Iterator<Item = String>) -> (String, Vec<String>) {
     let (mut threads, mut files) = ("2".to_owned(), Vec::new());
     let mut arguments = arguments.filter(|a| a != "--bench");
     while let Some(argument) = arguments.next() {
@@ -16,6 +16,28 @@ pub(crate) fn parse(arguments: impl Iterator<Item = String>) -> (String, Vec<Str
         }
     }
     (threads, files)
+}
+
+/// Prints a row for each file of the arguments, below `head`; `row` gets the file and the number of threads.
+pub(crate) fn print_rows(bench: &str, head: &[&str], row: impl Fn(&Path, &str) -> Result<String, String>) -> ExitCode {
+    let (threads, files) = parse(std::env::args().skip(1));
+    if files.is_empty() {
+        eprintln!("usage: cargo bench --bench {bench} -- [--threads N] FILE...");
+        return ExitCode::from(2);
+    }
+    println!("| {} |", head.join(" | "));
+    println!("|{}", " --- |".repeat(head.len()));
+    let mut status = ExitCode::SUCCESS;
+    for file in &files {
+        match row(Path::new(file), &threads) {
+            Ok(row) => println!("{row}"),
+            Err(message) => {
+                eprintln!("{file}: {message}");
+                status = ExitCode::FAILURE;
+            }
+        }
+    }
+    status
 }
 
 /// Bakes without a device and gives the report.
